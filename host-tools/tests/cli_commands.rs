@@ -515,7 +515,7 @@ fn completions_know_the_commands() {
 #[test]
 fn noise_beyond_any_signal_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    for noise in ["1e300", "-0.1", "nan"] {
+    for noise in ["1e300", "100.1", "-0.1", "nan"] {
         let noise = format!("--noise={noise}");
         let finished = massline(folder.path(), ["simulate", "fork", "--out", "f", &noise]);
         finished.refused_input("the noise … a share of the RMS, 0 to 100");

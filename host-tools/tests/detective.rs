@@ -3,7 +3,7 @@
 
 mod bench;
 
-use massline::detective::{Fault, Findings, Mistake, WholeFault};
+use massline::detective::{Fault, Findings, Mistake, Whole, WholeFault};
 use massline::identification::Session;
 use massline::setup::{AccelerometerEntry, Setup};
 use massline::simulate::{Model, Options, simulate};
@@ -52,8 +52,10 @@ fn named(setup: &Setup) -> (Fault, String, Vec<String>) {
     let [explanation] = suspect.explanations.as_slice() else {
         panic!("{suspect:?}");
     };
+    // A weighed mass may be wrong itself.
+    let others = |w: &Whole| w.fault != WholeFault::Weighed;
     assert!(
-        !findings.more_is_wrong() && findings.whole.is_empty(),
+        !findings.more_is_wrong() && !findings.whole.iter().any(others),
         "{findings:?}"
     );
     let e = explanation.clone();
@@ -389,6 +391,46 @@ fn all_accelerations_in_g_with_a_weighed_mass() {
 }
 
 /// As somebody would meet it: recordings in g, and a set-up that says nothing of units.
+/// A wrong weighed mass contradicts sensors that agree without it: no sensor is accused by itself.
+#[test]
+fn a_weighed_mass_that_is_wrong() {
+    let mut setup = setup();
+    setup.known_mass = Some(1200.0);
+    let findings = examine(&setup);
+    assert!(findings.suspects.is_empty(), "{:?}", findings.suspects);
+    assert!(!findings.clean() && !findings.more_is_wrong());
+    let texts: Vec<&str> = findings.whole.iter().map(|w| w.text.as_str()).collect();
+    let text = texts.join("\n");
+    assert!(
+        text.contains(
+            "nothing but `known_mass` contradicts the setup: it is 1200 kg, and the data say 80"
+        ),
+        "{text}"
+    );
+    // Ten times the mass, which load cells in kgf explain as well.
+    setup.known_mass = Some(7845.0);
+    let findings = examine(&setup);
+    let [suspect] = findings.suspects.as_slice() else {
+        panic!("{:?}", findings.suspects);
+    };
+    assert!(matches!(suspect.explanations[0].fault, Fault::Unit { .. }));
+    let culprits = findings.culprits().unwrap();
+    assert!(
+        culprits.contains("by the weighed mass; or `known_mass` is wrong"),
+        "{culprits}"
+    );
+    // A sensor that is wrong is named with and without a weighed mass.
+    setup.known_mass = Some(1200.0);
+    accelerometer(&mut setup, "base1.y").scale *= -1.0;
+    let findings = examine(&setup);
+    assert!(
+        findings
+            .whole
+            .iter()
+            .all(|w| w.fault != WholeFault::Weighed)
+    );
+}
+
 #[test]
 fn recordings_in_g() {
     let folder = recorded("models/satellite.toml");

@@ -25,6 +25,7 @@ const REACH: f64 = 4.0;
 pub(super) const OUTLYING: f64 = 50.0;
 
 /// The runs in which the specimen is mounted in one way.
+#[derive(Clone)]
 pub(super) struct Mounted {
     pub(super) lines: Vec<Line>,
     /// Real equations of a channel in all lines.
@@ -37,6 +38,7 @@ pub(super) struct Mounted {
 }
 
 /// All that is known of a set-up's runs.
+#[derive(Clone)]
 pub(super) struct Evidence {
     pub(super) sensors: Vec<Sensor>,
     pub(super) mountings: Vec<Mounted>,
@@ -358,6 +360,14 @@ impl Evidence {
             delays: Vec::new(),
         }
         .without_delays())
+    }
+
+    /// The same of a body that was not weighed.
+    pub(super) fn without_mass(&self) -> Self {
+        Self {
+            weighed: None,
+            ..self.clone()
+        }
     }
 
     /// Sums that were made elsewhere, of which no channel is late.

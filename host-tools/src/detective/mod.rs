@@ -57,7 +57,7 @@ pub use whole::{Whole, WholeFault};
 use crate::measure::{Channels, Measurement};
 use crate::setup::Setup;
 use evidence::Evidence;
-use search::CONTRADICTS;
+use search::{CONTRADICTS, Found};
 
 /// Reason why nothing can be said of a set-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -138,11 +138,10 @@ impl Findings {
             all.join(", or ")
         };
         explains.then(|| {
-            self.suspects
-                .iter()
-                .map(words)
-                .collect::<Vec<_>>()
-                .join("; ")
+            let weighed = |w: &&Whole| w.fault == WholeFault::Weighed;
+            let mass = self.whole.iter().filter(weighed).map(|w| w.text.clone());
+            let all = self.suspects.iter().map(words).chain(mass);
+            all.collect::<Vec<_>>().join("; ")
         })
     }
 
@@ -194,7 +193,16 @@ pub(crate) fn examine(
     channels: &Channels,
 ) -> Result<Findings, Undecided> {
     let evidence = Evidence::new(setup, measurement, channels)?;
-    let found = evidence.search()?;
+    let mut found = evidence.search()?;
+    let mut weighed = None;
+    if let Some(alone) = alone(&evidence, &found) {
+        let explained = !found.named.is_empty() && found.after.ratio() <= CONTRADICTS;
+        weighed = whole::weighed(setup, &alone, explained);
+        if !explained {
+            found.named.clear();
+            found.after = alone.after;
+        }
+    }
     let mut suspects: Vec<Suspect> = found
         .named
         .iter()
@@ -234,9 +242,21 @@ pub(crate) fn examine(
         suspects,
         nearest,
         untold: wording::untold(setup, &found.untold),
-        whole: whole::judge(setup, &evidence, &found, measurement.units_in_recordings),
+        whole: whole::judge(setup, &evidence, &found, measurement.units_in_recordings)
+            .into_iter()
+            .chain(weighed)
+            .collect(),
         contradiction: found.before.ratio(),
         repaired: found.after.ratio(),
         freedom: found.before.freedom,
     })
+}
+
+/// The findings without the weighed mass, where it alone contradicts the set-up.
+fn alone(evidence: &Evidence, found: &Found) -> Option<Found> {
+    if evidence.weighed.is_none() || found.before.ratio() <= CONTRADICTS {
+        return None;
+    }
+    let alone = evidence.without_mass().search().ok()?;
+    (alone.named.is_empty() && alone.before.ratio() <= CONTRADICTS).then_some(alone)
 }

@@ -37,6 +37,8 @@ pub enum WholeFault {
     PerhapsInG,
     /// The same question where nothing states a unit.
     NoUnit,
+    /// The weighed mass contradicts sensors that agree without it.
+    Weighed,
 }
 
 impl WholeFault {
@@ -49,6 +51,7 @@ impl WholeFault {
             Self::Millimetres => "all-in-mm",
             Self::PerhapsInG => "perhaps-all-in-g",
             Self::NoUnit => "no-unit",
+            Self::Weighed => "weighed",
         }
     }
 }
@@ -144,6 +147,27 @@ pub(super) fn judge(
         ));
     }
     all
+}
+
+/// The weighed mass, where it alone contradicts the set-up: `alone` are the findings without it. With `explained`,
+/// a change of the sensors mends it, too.
+pub(super) fn weighed(setup: &Setup, alone: &Found, explained: bool) -> Option<Whole> {
+    let (weighed, told) = (setup.known_mass?, alone.after.mass?.value);
+    let both = format!(
+        "it is {} kg, and the data say {} kg",
+        plain(weighed, 5),
+        plain(told, 4)
+    );
+    let text = if explained {
+        format!(
+            "or `known_mass` is wrong, without which nothing contradicts the setup: {both}; weigh again"
+        )
+    } else {
+        format!(
+            "nothing but `known_mass` contradicts the setup: {both}; weigh again, or leave it out"
+        )
+    };
+    Some(Whole::new(WholeFault::Weighed, text))
 }
 
 /// `true` if the size, the density or the mass of a body that was identified says that a set-up has to be

@@ -186,6 +186,11 @@ impl Recording {
         self.source.names_at()
     }
 
+    /// `true` if readings are shares of the full scale of a converter, which is no unit.
+    pub(crate) fn is_share_of_full_scale(&self) -> bool {
+        self.source.is_share_of_full_scale()
+    }
+
     /// The error of a channel whose unit cannot be used, for this reason.
     pub(crate) fn unit_error(&self, channel: &str, reason: String) -> RecordingError {
         RecordingError::Unit {

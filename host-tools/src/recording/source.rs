@@ -204,6 +204,11 @@ pub trait Source {
         None
     }
 
+    /// `true` if readings are shares of the full scale of a converter, which is no unit.
+    fn is_share_of_full_scale(&self) -> bool {
+        false
+    }
+
     /// The form in which the file is read, in words, where it was guessed.
     fn described(&self) -> Option<String> {
         None

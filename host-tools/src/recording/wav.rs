@@ -137,6 +137,10 @@ impl Source for WavFile {
         Some(self.samples)
     }
 
+    fn is_share_of_full_scale(&self) -> bool {
+        self.step.is_some()
+    }
+
     fn described(&self) -> Option<String> {
         let spec = self.reader.spec();
         let (bits, channels) = (spec.bits_per_sample, spec.channels);

@@ -351,6 +351,14 @@ impl Setup {
             };
             let unit = recording.unit(name);
             let factor = match self.sensor(channel) {
+                Some((list, measured, _, scale))
+                    if recording.is_share_of_full_scale() && scale.abs() == 1.0 =>
+                {
+                    Err(format!(
+                        "whole numbers of a WAV file are shares of full scale, and nothing says how much that is; give `scale`, {} at full scale ([[{list}]] of the setup)",
+                        measured.si()
+                    ))
+                }
                 Some((list, measured, units, scale)) => units
                     .of_recording(measured, scale, unit)
                     .map_err(|reason| format!("{reason} ([[{list}]] of the setup)")),

@@ -132,16 +132,17 @@ fn units_of_the_header_are_used_and_held_against_the_setup() {
     rewrite_headers(&test, |name| {
         name.replace("(g)", "[g]").replace("(lbf)", "[lbf]")
     });
-    // A factor that the stated unit has already, with a header that says nothing.
+    // A factor that the stated unit has already, with a header that says the same, and nothing.
+    let twice = units.replacen("scale = -1", "scale = -9.80665", 1);
+    let says = "`unit` = \"g\" of the setup … `scale` = -9.80665 … second time";
+    std::fs::write(test.path().join("setup.toml"), &twice).unwrap();
+    massline(test.path(), ["identify", "setup.toml"]).refused_input("second time");
     let bare = |name: &str| name.split(" [").next().unwrap().to_owned();
     let before: Vec<String> = (test.recordings().iter())
         .map(|file| std::fs::read_to_string(file).unwrap())
         .collect();
     rewrite_headers(&test, bare);
-    let twice = units.replacen("scale = -1", "scale = -9.80665", 1);
-    std::fs::write(test.path().join("setup.toml"), twice).unwrap();
-    massline(test.path(), ["identify", "setup.toml"])
-        .refused_input("`unit` = \"g\" of the setup … `scale` = -9.80665 … second time");
+    massline(test.path(), ["identify", "setup.toml"]).refused_input(says);
     for (file, text) in test.recordings().iter().zip(before) {
         std::fs::write(file, text).unwrap();
     }

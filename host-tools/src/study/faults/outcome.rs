@@ -57,7 +57,7 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
         let position = |f: &Spoilt| matches!(f, Spoilt::Position(..));
         let right = faults.iter().any(|f| f.is_told_by(std::slice::from_ref(w)));
         match w.fault {
-            WholeFault::PerhapsInG | WholeFault::NoUnit => false,
+            WholeFault::PerhapsInG | WholeFault::NoUnit | WholeFault::Weighed => false,
             WholeFault::Outlying => !faults.iter().any(position),
             WholeFault::ReferencePoint => !faults.contains(&Spoilt::Millimetres),
             _ => !right,
