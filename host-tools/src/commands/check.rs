@@ -38,14 +38,14 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         return plan(&setup, arguments);
     }
     let mut session = Session::new(&setup);
-    let (findings, drift) = reading(verbosity, |progress| {
+    let (findings, notes) = reading(verbosity, |progress| {
         let findings = session.examine(progress)?;
-        Ok((findings, session.drift(progress)))
+        Ok((findings, session.notes(progress)))
     })?;
     if arguments.json {
-        print_json(&document(&findings, drift.as_deref()))?;
+        print_json(&document(&findings, &notes))?;
     } else {
-        for line in lines(&findings).iter().chain(&drift) {
+        for line in lines(&findings).iter().chain(&notes) {
             print_line(line)?;
         }
     }
@@ -168,7 +168,7 @@ fn untold(findings: &Findings) -> Option<String> {
     (!all.is_empty()).then(|| format!("these runs do not tell: {all}"))
 }
 
-fn document(findings: &Findings, drift: Option<&str>) -> serde_json::Value {
+fn document(findings: &Findings, notes: &[String]) -> serde_json::Value {
     let suspect = |suspect: &Suspect| {
         let explanations: Vec<serde_json::Value> = suspect
             .explanations
@@ -187,7 +187,7 @@ fn document(findings: &Findings, drift: Option<&str>) -> serde_json::Value {
         "whole": whole,
         "whole_repair": whole_repair,
         "untold": findings.untold,
-        "drift": drift,
+        "notes": notes,
         "contradiction": findings.contradiction,
         "repaired": findings.repaired,
         "freedom": findings.freedom,

@@ -23,18 +23,14 @@
 //! A change that all lines together tell with less than four standard deviations stays unseen, and what comes and
 //! goes within a half.
 
-use super::{WARNED, consistency};
+use super::WARNED;
+use super::mean::Mean;
+use super::predicted::{FORCES, Line, is_predicted, matrix, measured};
 use crate::format::with_std;
-use crate::measure::{EarlyLate, ForceGain, MeasuredRun, Measurement, Products};
+use crate::measure::{EarlyLate, ForceGain, MeasuredRun, Measurement};
 use massline_core::geometry::RESULTANT_NAMES;
 use massline_core::identify::{Estimate, Identification};
-use nalgebra::{Complex, Matrix3, Matrix6, Vector3};
-
-/// Number of forces and moments.
-const FORCES: usize = 6;
-
-/// Mean distance of `f / p` from one beyond which the numbers do not predict the force.
-const UNPREDICTED: f64 = 0.5;
+use nalgebra::Matrix6;
 
 /// Share of a force that single precision may change.
 const ROUNDING: f64 = 1e-6;
@@ -46,81 +42,19 @@ pub(crate) struct Drift {
     run: Option<usize>,
     /// 0 to 5: forces, then moments; `None` for all of them.
     force: Option<usize>,
-    change: Change,
+    change: Mean,
 }
 
-/// A change as a share of the force.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Change {
-    share: f64,
-    std: f64,
-    /// Degrees of freedom of the standard deviation.
-    freedom: f64,
-    /// Difference that noise may make.
-    noise: f64,
-}
-
-impl Change {
-    /// Probability that chance alone changes as much or more.
-    fn probability(&self) -> f64 {
-        let beyond = (self.share.abs() - self.noise).max(0.0);
-        consistency::exceeded((beyond / self.std).powi(2), 1.0, self.freedom)
-    }
-
-    /// Mean of changes of one run. Their errors may be the same, if those of the accelerations are most of them.
-    fn of_run(all: &[(usize, Self)]) -> Option<Self> {
-        let inverse = |power: i32| all.iter().map(|(_, c)| c.std.powi(-power)).sum::<f64>();
-        let squares = inverse(2);
-        let weighted = |of: &dyn Fn(&Self) -> f64| {
-            all.iter()
-                .map(|(_, c)| of(c) / (c.std * c.std))
-                .sum::<f64>()
-                / squares
-        };
-        (squares > 0.0 && squares.is_finite()).then(|| Self {
-            share: weighted(&|c| c.share),
-            std: inverse(1) / squares,
-            freedom: weighted(&|c| c.freedom),
-            noise: weighted(&|c| c.noise),
-        })
-    }
-
-    /// Mean of changes of several runs, whose errors are independent.
-    fn of_runs(all: &[Self]) -> Option<Self> {
-        let squares: f64 = all.iter().map(|c| c.std.powi(-2)).sum();
-        let weighted = |of: &dyn Fn(&Self) -> f64| {
-            all.iter().map(|c| of(c) / (c.std * c.std)).sum::<f64>() / squares
-        };
-        (squares > 0.0 && squares.is_finite()).then(|| Self {
-            share: weighted(&|c| c.share),
-            std: squares.powf(-0.5),
-            freedom: all.iter().map(|c| c.freedom).sum(),
-            noise: weighted(&|c| c.noise),
-        })
-    }
-
-    /// `true` if changes of one run may be one and the same.
-    fn is_of_all(&self, all: &[(usize, Self)]) -> bool {
-        let squares = all
-            .iter()
-            .map(|(_, c)| ((c.share - self.share) / c.std).powi(2));
-        let surplus = all.len().saturating_sub(1) as f64;
-        let freedom = self.freedom * all.len() as f64;
-        surplus == 0.0
-            || consistency::exceeded(squares.sum::<f64>() / surplus, surplus, freedom) > WARNED
-    }
-
-    /// Such as `+1.52 ± 0.08 %`, with half of its 95 % interval.
-    fn in_words(&self) -> String {
-        let estimate = Estimate {
-            value: self.share,
-            std: self.std,
-        };
-        let half = estimate.interval(self.freedom);
-        let (share, half) = with_std(100.0 * self.share, 100.0 * half);
-        let sign = if self.share > 0.0 { "+" } else { "" };
-        format!("{sign}{share} ± {half} %")
-    }
+/// Such as `+1.52 ± 0.08 %`, with half of its 95 % interval.
+fn percent(change: &Mean) -> String {
+    let estimate = Estimate {
+        value: change.value,
+        std: change.std,
+    };
+    let half = estimate.interval(change.freedom);
+    let (share, half) = with_std(100.0 * change.value, 100.0 * half);
+    let sign = if change.value > 0.0 { "+" } else { "" };
+    format!("{sign}{share} ± {half} %")
 }
 
 /// The changes that chance does not explain, in the order of the runs.
@@ -130,18 +64,18 @@ pub(super) fn drifts(measurement: &Measurement, found: &Identification) -> Vec<D
         .runs
         .iter()
         .filter_map(|run| Some((run, run.early_late.as_deref()?)));
-    let runs: Vec<(usize, Vec<(usize, Change)>)> = halves
+    let runs: Vec<(usize, Vec<(usize, Mean)>)> = halves
         .map(|(run, halves)| (run.number, of_run(run, halves, &matrix)))
         .collect();
     let tests = runs.iter().map(|(_, all)| all.len()).sum::<usize>() as f64;
-    let is_drift = |change: &Change| change.probability() * tests < WARNED;
+    let is_drift = |change: &Mean| change.probability() * tests < WARNED;
     let mut drifts = Vec::new();
     for (run, all) in &runs {
         if !all.iter().any(|(_, change)| is_drift(change)) {
             continue;
         }
-        let mean = Change::of_run(all).filter(|mean| mean.is_of_all(all));
-        let changes: Vec<(Option<usize>, Change)> = match mean {
+        let mean = Mean::of_run(all).filter(|mean| mean.is_of_all(all));
+        let changes: Vec<(Option<usize>, Mean)> = match mean {
             Some(mean) => vec![(None, mean)],
             None => {
                 let own = all.iter().filter(|(_, change)| is_drift(change));
@@ -156,11 +90,11 @@ pub(super) fn drifts(measurement: &Measurement, found: &Identification) -> Vec<D
         );
     }
     if drifts.is_empty() {
-        let means: Vec<Change> = runs
+        let means: Vec<Mean> = runs
             .iter()
-            .filter_map(|(_, all)| Change::of_run(all))
+            .filter_map(|(_, all)| Mean::of_run(all))
             .collect();
-        let mean = Change::of_runs(&means).filter(|mean| mean.probability() < WARNED);
+        let mean = Mean::of_runs(&means).filter(|mean| mean.probability() < WARNED);
         drifts.extend(mean.map(|change| Drift {
             run: None,
             force: None,
@@ -181,7 +115,7 @@ pub(super) fn gains(drifts: &[Drift], measurement: &Measurement) -> Vec<ForceGai
             gains.extend(forces.map(|force| ForceGain {
                 run,
                 force,
-                share: drift.change.share / 3.0_f64.sqrt(),
+                share: drift.change.value / 3.0_f64.sqrt(),
             }));
         }
     }
@@ -204,7 +138,7 @@ pub(super) fn in_words(drifts: &[Drift], measurement: &Measurement) -> Option<St
         );
         let forces = of_run.iter().map(|drift| {
             let name = drift.force.and_then(|force| RESULTANT_NAMES.get(force));
-            format!("{} {}", name.unwrap_or(&"all"), drift.change.in_words())
+            format!("{} {}", name.unwrap_or(&"all"), percent(&drift.change))
         });
         Some(format!("{run}: {}", forces.collect::<Vec<_>>().join(", ")))
     });
@@ -229,38 +163,10 @@ pub(super) fn notice(
     warnings.extend(in_words(drifts, measurement).map(|words| format!("{words}; {held}")));
 }
 
-/// M of equation (1) about A, with zero for what is not known.
-fn matrix(found: &Identification) -> Matrix6<f64> {
-    let value = |e: Option<Estimate>| e.map_or(0.0, |e| e.value);
-    let weighed = value(found.mass);
-    let mass = weighed * found.indicator.map_or(1.0, |delta| delta.value);
-    let first = Vector3::from_fn(|i, _| {
-        let known = found.centre_of_gravity[i];
-        known.map_or(0.0, |s| weighed * (s.value - found.reference[i]))
-    });
-    let [xx, yy, zz, xy, xz, yz] = found.inertia_reference.map(value);
-    let mut m = Matrix6::identity() * mass;
-    let cross = first.cross_matrix();
-    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&-cross);
-    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross);
-    m.fixed_view_mut::<3, 3>(3, 3)
-        .copy_from(&Matrix3::new(xx, -xy, -xz, -xy, yy, -yz, -xz, -yz, zz));
-    m
-}
-
-/// Products of a force with itself, with its prediction, and of the prediction with itself.
-#[derive(Clone, Copy)]
-struct Line {
-    force: f64,
-    cross: Complex<f64>,
-    predicted: f64,
-}
-
 /// The changes of the forces of a run that are measured and predicted.
-fn of_run(run: &MeasuredRun, halves: &EarlyLate, matrix: &Matrix6<f64>) -> Vec<(usize, Change)> {
+fn of_run(run: &MeasuredRun, halves: &EarlyLate, matrix: &Matrix6<f64>) -> Vec<(usize, Mean)> {
     let correlation = run.settings().window().line_correlation();
-    let measured = (0..FORCES).filter(|j| run.geometry.equations.measured(*j) > 0.5);
-    let found = measured.filter_map(|force| {
+    let found = measured(run).filter_map(|force| {
         let [early, late] = [&halves.early, &halves.late].map(|half| {
             half.iter()
                 .map(|products| Line::of(force, products, matrix))
@@ -271,28 +177,9 @@ fn of_run(run: &MeasuredRun, halves: &EarlyLate, matrix: &Matrix6<f64>) -> Vec<(
     found.collect()
 }
 
-impl Line {
-    fn of(force: usize, products: &Products, matrix: &Matrix6<f64>) -> Self {
-        let row = |i: usize| Complex::from(matrix[(force, i)]);
-        let f = FORCES + force;
-        let mut line = Self {
-            force: products[(f, f)].re,
-            cross: Complex::default(),
-            predicted: 0.0,
-        };
-        for i in 0..FORCES {
-            line.cross += products[(f, i)] * row(i);
-            for k in 0..FORCES {
-                line.predicted += (row(i) * products[(i, k)] * row(k)).re;
-            }
-        }
-        line
-    }
-}
-
 /// Change of `f / p` from one half to the other, of lines that resemble their neighbours so much; `None` where they
 /// tell none.
-fn change(early: &[Line], late: &[Line], correlation: f64) -> Option<Change> {
+fn change(early: &[Line], late: &[Line], correlation: f64) -> Option<Mean> {
     let lines: Vec<(f64, f64)> = early
         .iter()
         .zip(late)
@@ -314,20 +201,13 @@ fn change(early: &[Line], late: &[Line], correlation: f64) -> Option<Change> {
     let mean = lines.iter().map(|(x, weight)| x * weight).sum::<f64>() / whole;
     let squares = lines.iter().map(|(x, w)| w * (x - mean).powi(2));
     let scatter = squares.sum::<f64>() / (lines.len() as f64 - correlation);
-    let change = Change {
-        share: mean,
+    let change = Mean {
+        value: mean,
         std: (correlation * scatter / whole).sqrt(),
         freedom,
         noise: (noise(early) - noise(late)).abs().max(ROUNDING),
     };
     (change.std > 0.0 && change.std.is_finite()).then_some(change)
-}
-
-/// `true` if the prediction is about what the force is.
-fn is_predicted(half: &[Line]) -> bool {
-    let cross: Complex<f64> = half.iter().map(|line| line.cross).sum();
-    let predicted: f64 = half.iter().map(|line| line.predicted).sum();
-    (cross / predicted - 1.0).norm() < UNPREDICTED
 }
 
 /// Share of a force and its prediction that do not belong together: none with a drive.
@@ -340,13 +220,7 @@ fn noise(half: &[Line]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const SOUND: Change = Change {
-        share: 0.01,
-        std: 0.002,
-        freedom: 20.0,
-        noise: ROUNDING,
-    };
+    use nalgebra::Complex;
 
     /// Lines on which force and prediction are these, with as much noise of the force as signal times `noise`, by a
     /// generator of 64 bits.
@@ -398,10 +272,21 @@ mod tests {
         let found = change(&a, &b, 1.0).unwrap();
         // Of the mean of both.
         assert!(
-            (found.share - 0.03 / 1.015).abs() < 4.0 * found.std,
+            (found.value - 0.03 / 1.015).abs() < 4.0 * found.std,
             "{found:?}"
         );
         assert!(found.probability() < 1e-12);
+    }
+
+    #[test]
+    fn a_change_is_said_with_its_interval() {
+        let change = Mean {
+            value: 0.01,
+            std: 0.002,
+            freedom: 20.0,
+            noise: ROUNDING,
+        };
+        assert_eq!(percent(&change), "+1.00 ± 0.42 %");
     }
 
     /// Three lines tell nothing, nor do lines that are one another's copies, nor a force that is not predicted.
@@ -431,28 +316,7 @@ mod tests {
             })
             .collect();
         let found = change(&early, &late, 1.0).unwrap();
-        assert!(found.share < -20.0 * found.std, "{found:?}");
+        assert!(found.value < -20.0 * found.std, "{found:?}");
         assert!(found.probability() > 0.1, "{found:?}");
-    }
-
-    /// Two equal changes of one run tell no more than one, of two runs √2 times as much.
-    #[test]
-    fn changes_are_averaged() {
-        let of_run = Change::of_run(&[(0, SOUND), (4, SOUND)]).unwrap();
-        assert!((of_run.std / SOUND.std - 1.0).abs() < 1e-12);
-        assert!((of_run.share / SOUND.share - 1.0).abs() < 1e-12);
-        let of_runs = Change::of_runs(&[SOUND, SOUND]).unwrap();
-        assert!((of_runs.std / SOUND.std - 0.5_f64.sqrt()).abs() < 1e-12);
-        assert!((of_runs.freedom / SOUND.freedom - 2.0).abs() < 1e-12);
-        assert_eq!(Change::of_run(&[]), None);
-        assert_eq!(Change::of_runs(&[]), None);
-        let other = Change {
-            share: -0.01,
-            ..SOUND
-        };
-        assert!(of_run.is_of_all(&[(0, SOUND), (4, SOUND)]));
-        let mixed = [(0, SOUND), (4, other)];
-        assert!(!Change::of_run(&mixed).unwrap().is_of_all(&mixed));
-        assert_eq!(SOUND.in_words(), "+1.00 ± 0.42 %");
     }
 }

@@ -1,6 +1,7 @@
 //! The method `ml`: a maximum likelihood fit of the apparent mass through the resonances, beside the
 //! band's method, whose numbers stay where the fit does not pass its tests.
 
+use super::coupling::Coupling;
 use super::drift;
 use super::notice::notice;
 use super::refusal::refusal;
@@ -316,12 +317,17 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
             consistency: answer.consistency,
             widened: false,
         };
-        answer.refused = refusal(&judged);
+        let coupling = answer.coupling.as_ref();
+        let coupled = coupling.and_then(Coupling::refusal);
+        answer.refused = coupled.or_else(|| refusal(&judged));
         let mut warnings = answer.measurement.warnings.clone();
         if let Some(type_b) = &answer.type_b {
             warnings.extend(type_b.gaps(&answer.identification));
         }
         notice(&judged, &answer.measurement, &mut warnings);
+        if answer.refused.is_none() {
+            warnings.extend(coupling.map(Coupling::warning));
+        }
         let held = answer.type_b.is_some();
         drift::notice(&answer.drifts, &answer.measurement, held, &mut warnings);
         let own = answer

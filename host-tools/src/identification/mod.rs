@@ -3,10 +3,13 @@
 
 mod condense;
 mod consistency;
+mod coupling;
 mod drift;
 mod error;
 mod likelihood;
+mod mean;
 mod notice;
+mod predicted;
 mod recommended;
 mod refusal;
 mod statics;
@@ -14,6 +17,7 @@ mod type_b;
 mod weights;
 
 pub use consistency::{Consistency, REFUSED, WARNED};
+pub(crate) use coupling::Coupling;
 pub(crate) use drift::Drift;
 pub use error::{AnswerError, ExamineError};
 pub(crate) use likelihood::{DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, told_of};
@@ -89,6 +93,8 @@ pub struct Answer {
     pub offsets: Vec<(String, [f64; 6])>,
     /// Changes of the forces within runs.
     pub(crate) drifts: Vec<Drift>,
+    /// A coupling of forces or accelerations to alternating current.
+    pub(crate) coupling: Option<Coupling>,
     /// The maximum likelihood fit, or why there is none, where it was asked for or recommended.
     pub likelihood: Option<Likelihood>,
     /// Warnings to the user.
@@ -286,8 +292,13 @@ impl<'s> Session<'s> {
             consistency: found.consistency,
             widened: true,
         };
-        let refused = refusal(&judged);
+        let coupling = coupling::coupling(&measurement, &found.identification);
+        let coupled = coupling.as_ref().and_then(Coupling::refusal);
+        let refused = coupled.or_else(|| refusal(&judged));
         notice::notice(&judged, &measurement, &mut warnings);
+        if refused.is_none() {
+            warnings.extend(coupling.as_ref().map(Coupling::warning));
+        }
         drift::notice(&drifts, &measurement, type_b.is_some(), &mut warnings);
         if refused.is_none() {
             notice::notice_missing_modes(self.setup, &found.fits, &mut warnings);
@@ -311,6 +322,7 @@ impl<'s> Session<'s> {
             modal: None,
             offsets: found.offsets,
             drifts,
+            coupling,
             likelihood: None,
             warnings,
         })
@@ -378,10 +390,15 @@ impl<'s> Session<'s> {
         Ok(detective::examine(setup, &measurement, &channels)?)
     }
 
-    /// Change of the forces within runs, in words; `None` where there is none, or the data allow no answer.
-    pub fn drift(&mut self, progress: OnProgress<'_>) -> Option<String> {
-        let answer = self.answer(&Choice::default(), progress).ok()?;
-        drift::in_words(&answer.drifts, &answer.measurement)
+    /// What the examination of the sensors does not see, in words: forces that change within runs, and forces or
+    /// accelerations that are coupled to alternating current. None where the data allow no answer.
+    pub fn notes(&mut self, progress: OnProgress<'_>) -> Vec<String> {
+        let Ok(answer) = self.answer(&Choice::default(), progress) else {
+            return Vec::new();
+        };
+        let drift = drift::in_words(&answer.drifts, &answer.measurement);
+        let coupling = answer.coupling.as_ref().map(Coupling::warning);
+        drift.into_iter().chain(coupling).collect()
     }
 
     /// The setup this session is about.

@@ -273,7 +273,7 @@ fn scipy_wav() {
 fn whole_numbers_of_wav_need_a_scale() {
     let open = |file: &str, scale: &str| {
         let text = format!(
-            "[[accelerometer]]\nchannel = \"1\"\nposition = [0, 0, 0]\ndirection = [1, 0, 0]\n{scale}[processing]\naveraging_band = [1, 2]\n[[run]]\nname = \"x\"\nrecording = \"{}\"\n",
+            "[[accelerometer]]\nchannel = \"1\"\nposition = [0, 0, 0]\ndirection = [1, 0, 0]\n{scale}[[load_cell]]\nchannel = \"2\"\nposition = [0, 0, 0]\ndirection = [1, 0, 0]\n[processing]\naveraging_band = [1, 2]\n[[run]]\nname = \"x\"\nrecording = \"{}\"\n",
             fixture(file).display()
         );
         let setup = Setup::from_str(&text, Path::new("setup.toml")).unwrap();
