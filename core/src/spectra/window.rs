@@ -91,7 +91,7 @@ impl Window {
     /// square of that of white noise under w², and the squares sum to this ratio
     /// (Parseval). 35/18 = 1.94 for Hann, whatever the overlap.
     #[must_use]
-    pub fn line_correlation(self) -> f64 {
+    pub(crate) fn line_correlation(self) -> f64 {
         let power = self.power();
         // The signs of the terms alternate, which is a shift by half a block: without them the
         // square has the same power. Its terms are sums over pairs that add up or differ.

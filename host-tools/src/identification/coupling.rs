@@ -10,7 +10,7 @@
 //! band; what remains tells how well `c` is known.
 
 use super::WARNED;
-use super::mean::Mean;
+use super::mean::{Mean, NEIGHBOURS};
 use super::predicted::{Line, is_predicted, matrix, measured};
 use super::refusal::Refusal;
 use crate::format::{plain, with_std};
@@ -137,7 +137,6 @@ fn corners(
     let settings = run.settings();
     let grid = settings.grid();
     let frequencies: Vec<f64> = run.band.indices().map(|k| grid.frequency(k)).collect();
-    let correlation = settings.window().line_correlation();
     let corners = measured(run).filter_map(|force| {
         let halves = halves.early.iter().zip(&halves.late);
         let lines: Vec<Line> = halves
@@ -146,7 +145,7 @@ fn corners(
         if !is_predicted(&lines) {
             return None;
         }
-        Some((force, corner(&lines, &frequencies, correlation)?))
+        Some((force, corner(&lines, &frequencies, NEIGHBOURS)?))
     });
     corners.collect()
 }

@@ -24,7 +24,7 @@
 //! goes within a half.
 
 use super::WARNED;
-use super::mean::Mean;
+use super::mean::{Mean, NEIGHBOURS};
 use super::predicted::{FORCES, Line, is_predicted, matrix, measured};
 use crate::format::with_std;
 use crate::measure::{EarlyLate, ForceGain, MeasuredRun, Measurement};
@@ -165,14 +165,13 @@ pub(super) fn notice(
 
 /// The changes of the forces of a run that are measured and predicted.
 fn of_run(run: &MeasuredRun, halves: &EarlyLate, matrix: &Matrix6<f64>) -> Vec<(usize, Mean)> {
-    let correlation = run.settings().window().line_correlation();
     let found = measured(run).filter_map(|force| {
         let [early, late] = [&halves.early, &halves.late].map(|half| {
             half.iter()
                 .map(|products| Line::of(force, products, matrix))
                 .collect::<Vec<_>>()
         });
-        Some((force, change(&early, &late, correlation)?))
+        Some((force, change(&early, &late, NEIGHBOURS)?))
     });
     found.collect()
 }

@@ -3,6 +3,10 @@
 use super::WARNED;
 use super::consistency::exceeded;
 
+/// Variance of a mean over neighbouring lines relative to that over independent ones: that of the Hann window,
+/// `N Σw⁴ / (Σw²)²`.
+pub(super) const NEIGHBOURS: f64 = 35.0 / 18.0;
+
 /// A mean over lines, with the standard deviation that their scatter gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mean {
@@ -67,6 +71,20 @@ impl Mean {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn neighbours_are_those_of_the_window() {
+        assert_eq!(crate::setup::WINDOW, massline_core::spectra::Window::Hann);
+        let count = 1024;
+        let weight = |n: i32| {
+            (std::f64::consts::PI * f64::from(n) / f64::from(count))
+                .sin()
+                .powi(2)
+        };
+        let sum = |power: i32| (0..count).map(|n| weight(n).powi(power)).sum::<f64>();
+        let found = f64::from(count) * sum(4) / sum(2).powi(2);
+        assert!((found - NEIGHBOURS).abs() < 1e-12, "{found}");
+    }
 
     const SOUND: Mean = Mean {
         value: 0.01,
