@@ -324,6 +324,19 @@ fn faults_of_all_sensors() {
         .for_each(|a| a.scale = 1.0 / 9.806_65);
     let mut reference = setup();
     reference.reference_point = [300.0, 200.0, 100.0];
+    let mut small = setup();
+    let positions = small.accelerometers.iter_mut().map(|a| &mut a.position);
+    let positions = positions.chain(small.load_cells.iter_mut().map(|c| &mut c.position));
+    positions.for_each(|p| *p = p.map(|x| 0.001 * x));
+    let findings = examine(&small);
+    let [one] = findings.whole.as_slice() else {
+        panic!("{findings:?}");
+    };
+    assert_eq!(one.fault, WholeFault::TooSmall);
+    assert!(
+        one.text.contains("`length_unit` says another unit"),
+        "{one:?}"
+    );
     let cases = [
         (
             millimetres,

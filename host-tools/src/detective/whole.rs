@@ -16,6 +16,8 @@ const LIGHTEST: f64 = 0.01;
 /// Density above which the unit of the accelerations is asked for: few structures are as dense as
 /// water over such a cube.
 const DENSE: f64 = 1000.0;
+/// Density above which positions are too small, kg/m³: osmium, weighed in accelerations that are in g.
+const HEAVIEST: f64 = 22_590.0 * 9.806_65;
 /// Distance of the reference point from the sensors over the largest between these, above which
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
@@ -33,6 +35,8 @@ pub enum WholeFault {
     Outlying,
     /// All positions are in millimetres.
     Millimetres,
+    /// All positions are too small.
+    TooSmall,
     /// The question if all accelerations are in g, since the body would be dense.
     PerhapsInG,
     /// The same question where nothing states a unit.
@@ -49,6 +53,7 @@ impl WholeFault {
             Self::ReferencePoint => "reference-point",
             Self::Outlying => "outlying",
             Self::Millimetres => "all-in-mm",
+            Self::TooSmall => "all-too-small",
             Self::PerhapsInG => "perhaps-all-in-g",
             Self::NoUnit => "no-unit",
             Self::Weighed => "weighed",
@@ -118,6 +123,15 @@ pub(super) fn judge(
                 ),
             )
         });
+    } else if density > HEAVIEST {
+        all.push(Whole::new(
+            WholeFault::TooSmall,
+            format!(
+                "positions are too small: {} kg in the cube that the sensors span are {} kg/m³, more than any matter has, also if the accelerometers were in g. Are they in m, and `length_unit` says another unit?",
+                plain(mass, 4),
+                plain(density, 2)
+            ),
+        ));
     } else if setup.known_mass.is_none() && density > DENSE {
         let lines = |c| wording::scaled(setup, evidence, c, 9.806_65);
         all.push(Whole {

@@ -8,6 +8,9 @@
 //! body's damping turns the forces by an angle that grows like `f³`, and a delay by one like `f`. These three make
 //! the tangent of the angle between the forces and those that the numbers predict, line by line of the averaging
 //! band; what remains tells how well `c` is known.
+//!
+//! A damper between the structure and the ground, beside the load cells, turns the forces alike: `c` is then its
+//! constant over 2 π times the mass, and looks like a coupling of the accelerations.
 
 use super::WARNED;
 use super::mean::{Mean, NEIGHBOURS};
@@ -82,9 +85,10 @@ impl Coupling {
         };
         let degrees = (estimate.value / self.lowest).atan().to_degrees();
         format!(
-            "the {these} lead the {others} by {}° at {} Hz and by ever less above, as behind a coupling of theirs to alternating current with a corner of {corner} ± {half} Hz, which takes {} % of them there",
+            "the {these} lead the {others} by {}° at {} Hz and by ever less above, as behind a coupling of theirs to alternating current with a corner of {corner} ± {half} Hz{}, which takes {} % of them there",
             plain(degrees, 2),
             plain(self.lowest, 4),
+            self.or_damper(),
             plain(100.0 * self.share(), 2)
         )
     }
@@ -102,6 +106,15 @@ impl Coupling {
     /// A warning.
     pub(super) fn warning(&self) -> String {
         format!("{}; {}", self.fact(), self.remedy())
+    }
+
+    /// The other cause of the same angle.
+    fn or_damper(&self) -> &'static str {
+        if self.corner.value > 0.0 {
+            ""
+        } else {
+            " (or behind a damper between structure and ground, beside the load cells)"
+        }
     }
 
     /// The reason why numbers must not be believed, where it takes much of the lowest line.
