@@ -1,6 +1,6 @@
 //! Type B uncertainty beside closed forms and beside what perturbed setups give.
 
-use massline::identification::{Answer, Choice, Session, TypeB, estimates, number};
+use massline::identification::{Answer, Choice, NUMBERS, Session, TypeB, estimates, number};
 use massline::result::ResultDocument;
 use massline::setup::{Setup, Uncertainty};
 use massline::simulate::{Model, Options, simulate};
@@ -459,6 +459,72 @@ fn a_coupling_to_alternating_current_is_told() {
         let notes = Session::new(&setup).notes(&mut |_| ()).join("\n");
         assert!(notes.contains(words), "{notes}");
     }
+}
+
+/// Sensors whose gains, places and directions are off by twice what is usual, which nobody states: what a rigid body
+/// leaves tells, and the intervals hold the truth, where those of the noise alone, widened by what is left, do not.
+#[test]
+fn errors_of_sensors_that_nobody_states_are_held() {
+    let folder = tempfile::tempdir().unwrap();
+    let sound = satellite(&folder, (20.0, 1, true), &mut |_, _, _, x| x);
+    let truth = std::fs::read_to_string(folder.path().join("truth.json")).unwrap();
+    let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
+    let mut truths = vec![truth["mass"].as_f64().unwrap()];
+    truths.extend((0..3).map(|k| truth["centre_of_gravity"][k].as_f64().unwrap()));
+    let keys = ["xx", "yy", "zz", "xy", "xz", "yz"];
+    truths.extend(keys.map(|key| truth["inertia_cg"][key].as_f64().unwrap()));
+    let places = [number::MASS].into_iter();
+    let places = places.chain(number::CENTRE..number::INERTIA_REFERENCE);
+    let places: Vec<usize> = places.chain(number::INERTIA_CG..NUMBERS).collect();
+    let (mut held, mut by_noise) = (0, 0);
+    for seed in 0..6 {
+        let mut rng = Draws::new(seed);
+        let mut setup = sound.clone();
+        let mut moved: Vec<([f64; 3], [f64; 3], [f64; 3])> = Vec::new();
+        let mut spoil = |position: &mut [f64; 3], direction: &mut [f64; 3], scale: &mut f64| {
+            let known = moved.iter().find(|(at, ..)| at == position).copied();
+            let (_, by, turn) = known.unwrap_or_else(|| {
+                let by = [(); 3].map(|()| 0.002 * rng.normal());
+                let turn = [(); 3].map(|()| 1_f64.to_radians() * rng.normal());
+                moved.push((*position, by, turn));
+                (*position, by, turn)
+            });
+            let [x, y, z] = *direction;
+            let [u, v, w] = turn;
+            *direction = [x + v * z - w * y, y + w * x - u * z, z + u * y - v * x];
+            position.iter_mut().zip(by).for_each(|(x, by)| *x += by);
+            *scale *= 1.0 + 0.01 * rng.normal();
+        };
+        for a in &mut setup.accelerometers {
+            spoil(&mut a.position, &mut a.direction, &mut a.scale);
+        }
+        for c in &mut setup.load_cells {
+            spoil(&mut c.position, &mut c.direction, &mut c.scale);
+        }
+        let answer = identify(&setup, None);
+        let b = type_b(&answer);
+        // Twice the usual errors.
+        let times = b.times_usual.unwrap();
+        assert!((1.0..4.0).contains(&times), "{times}");
+        let all = estimates(&answer.identification);
+        for (place, truth) in places.iter().zip(&truths) {
+            let estimate = all[*place].unwrap();
+            let freedom = answer.identification.freedom;
+            let both = b.combined(*place, &estimate, freedom).unwrap();
+            let off = (estimate.value - truth).abs();
+            held += usize::from(off < both.interval);
+            by_noise += usize::from(off < estimate.interval(freedom));
+        }
+        let told = "type B uncertainty holds errors of sensors that explain it";
+        assert!(
+            answer.warnings.iter().any(|w| w.contains(told)),
+            "{:?}",
+            answer.warnings
+        );
+    }
+    // Of sixty, at least as many as the intervals say.
+    assert!(held >= 57, "{held}");
+    assert!(by_noise < 57, "{by_noise}");
 }
 
 /// A second half that is a third as loud beside the same noise: without a drive noise takes 0.1 % from the

@@ -85,10 +85,7 @@ pub(super) fn exceeded(ratio: f64, surplus: f64, freedom: f64) -> f64 {
 /// the forces' squares that is left, and that sum over the equations too many. `None` where
 /// equations do not carry the weights of their noise, and where nothing is left.
 fn surplus(i: &Identification, ratio: f64, sets: &[Masslines]) -> Option<f64> {
-    let weighted = sets.iter().all(|set| {
-        set.equations().is_whitened() && set.pairs().iter().all(|pair| pair.variance.max() > 0.0)
-    });
-    if !weighted || ratio <= 0.0 {
+    if !weighted(sets) || ratio <= 0.0 {
         return None;
     }
     let (mut squares, mut rows) = (0.0, 0.0);
@@ -104,9 +101,16 @@ fn surplus(i: &Identification, ratio: f64, sets: &[Masslines]) -> Option<f64> {
     (1.0..rows).contains(&surplus).then_some(surplus)
 }
 
+/// `true` if equations carry the weights of their noise.
+pub(super) fn weighted(sets: &[Masslines]) -> bool {
+    sets.iter().all(|set| {
+        set.equations().is_whitened() && set.pairs().iter().all(|pair| pair.variance.max() > 0.0)
+    })
+}
+
 /// Weights of the equations of a pair as the core has them: inverse variances, none far above
 /// the others.
-fn weights(variance: &Vector6<f64>) -> Vector6<f64> {
+pub(super) fn weights(variance: &Vector6<f64>) -> Vector6<f64> {
     const SMALLEST: f64 = 1e-6;
     let largest = variance.max();
     variance.map(|v| 1.0 / v.max(SMALLEST * largest))

@@ -457,6 +457,8 @@ pub(crate) struct Found {
     pub(crate) identification: Identification,
     pub(crate) covariance: Covariance,
     pub(crate) consistency: Option<Consistency>,
+    /// The masslines; none of static poses.
+    pub(crate) sets: Vec<Masslines>,
     pub(crate) fits: Vec<ApparentMass>,
     pub(crate) free_modes: Vec<FreeModes>,
     pub(crate) offsets: Vec<(String, [f64; 6])>,
@@ -483,6 +485,7 @@ fn identify_from(
             .map(|i| (i, Consistency::of(&i, &sets), Vec::new()))
             .map_err(AnswerError::from)
     } else {
+        let sets = std::mem::take(&mut sets);
         statics::identify_with(&measurement.poses, sets, &question, &mut space)
     }
     .map_err(|error| error.blame_sensors(measurement))?;
@@ -490,6 +493,7 @@ fn identify_from(
         identification,
         consistency,
         covariance: space.covariance(),
+        sets,
         fits,
         free_modes,
         offsets,

@@ -59,6 +59,16 @@ pub(crate) fn notice_numbers(judged: &Judged<'_>, warnings: &mut Vec<String>) {
         } else {
             (" in the averaging band", "the error bars do not know of it")
         };
+        let usual = judged.type_b.and_then(|b| b.times_usual);
+        let bars = usual.map_or_else(
+            || bars.to_owned(),
+            |times| {
+                format!(
+                    "{bars}, and type B uncertainty holds errors of sensors that explain it: {} times 0.5 % of gain, 1 mm and 0.5°",
+                    plain(times, 2)
+                )
+            },
+        );
         warnings.push(format!(
             "a rigid body leaves {:.1} times more{place} than the noise explains, which chance does in {}; {bars}. Check sensor positions, directions and scales",
             test.ratio.sqrt(),

@@ -46,6 +46,7 @@ mod tilt;
 mod transform;
 
 pub use fit::{Covariance10, DISAGREEMENT, Doubt, Fit, FitError, Options, fit};
+pub(crate) use model::rigid_columns;
 pub use model::{FittedMode, Model, RIGID};
 pub use record::{Complex6, Noise, Record, highest, real_equations};
 pub use rigid::{covariance_of, numbers, sigma_of};

@@ -230,7 +230,7 @@ pub(super) fn triangle() -> impl Iterator<Item = (usize, usize)> {
 
 /// Columns of B for an acceleration: the force that each of σ adds, equation (8) written for (6).
 #[inline(always)]
-pub(super) fn rigid_columns(a: &Complex6) -> [Complex6; RIGID] {
+pub(crate) fn rigid_columns(a: &Complex6) -> [Complex6; RIGID] {
     let zero = Complex::new(0.0, 0.0);
     let [x, y, z, alpha, beta, gamma] = [a[0], a[1], a[2], a[3], a[4], a[5]];
     let v = |fx, fy, fz, tx, ty, tz| Complex6::new(fx, fy, fz, tx, ty, tz);

@@ -19,17 +19,21 @@
 //! * **Cost**: one more pass over random recordings with a transform for each channel, then two
 //!   identifications for each error, on all processors.
 
+mod left;
 mod sources;
 
-use super::{AnswerError, Found, OnProgress, Session, identify_from};
+use super::{AnswerError, Consistency, Found, OnProgress, Session, WARNED, identify_from};
 use crate::measure::{
     self, Accelerations, Added, Channels, ForceGain, MeasureError, Measurement, RunGeometry,
 };
 use crate::parallel;
 use crate::setup::Setup;
+use left::Effect;
+use massline_core::geometry::RESULTANTS;
 use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
 use massline_core::masslines::Method;
-use sources::{Error, Source, of_gains, sources};
+use nalgebra::DVector;
+use sources::{Error, Source, of_gains, sources, usual};
 
 /// Numbers of an identification: mass, Δ, three of the centre of gravity, six of inertia about
 /// A, six about S.
@@ -62,8 +66,12 @@ pub struct Contribution {
 /// Type B uncertainty of the ten numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TypeB {
-    /// One a source, in the order of the channels.
+    /// Those of stated errors, one a source in the order of the channels, then those that the data tell, of which
+    /// several may be one source.
     pub contributions: Vec<Contribution>,
+    /// Times by which the errors of sensors exceed usual ones, by what a rigid body leaves; `None` where noise explains
+    /// that.
+    pub times_usual: Option<f64>,
 }
 
 /// A standard uncertainty that is combined of type A and type B.
@@ -93,15 +101,20 @@ impl TypeB {
     /// The source that contributes most to a number, and its share of the variance.
     #[must_use]
     pub fn dominant(&self, number: usize) -> Option<(&str, f64)> {
-        let of = |c: &Contribution| c.numbers.get(number).copied().flatten();
         let variance = self.std(number)?.powi(2);
-        let largest = self.contributions.iter().max_by(|a, b| {
-            let size = |c| of(c).map_or(0.0, f64::abs);
-            size(a).total_cmp(&size(b))
-        })?;
-        let share = of(largest)?.powi(2) / variance;
+        let mut sources: Vec<(&str, f64)> = Vec::new();
+        for contribution in &self.contributions {
+            let square = contribution.numbers.get(number).copied().flatten()?.powi(2);
+            let same = |(source, _): &&mut (&str, f64)| *source == contribution.source;
+            match sources.iter_mut().find(same) {
+                Some((_, sum)) => *sum += square,
+                None => sources.push((&contribution.source, square)),
+            }
+        }
+        let (source, square) = sources.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let share = square / variance;
         // Without any contribution nothing dominates.
-        (share > 0.0).then_some((&*largest.source, share))
+        (share > 0.0).then_some((source, share))
     }
 
     /// Both types together, of a number whose type A has so many degrees of freedom.
@@ -190,7 +203,7 @@ pub fn estimates(i: &Identification) -> [Option<Estimate>; NUMBERS] {
 
 impl Session<'_> {
     /// Type B uncertainty of an answer; `None` where the setup and the certificates state
-    /// nothing and no gains change within a run.
+    /// nothing, no gains change within a run, and noise explains what a rigid body leaves.
     ///
     /// # Errors
     /// [`AnswerError`] if the recordings cannot be read once more.
@@ -204,6 +217,13 @@ impl Session<'_> {
     ) -> Result<Option<TypeB>, AnswerError> {
         let mut sources = sources(self.setup, measurement);
         sources.extend(of_gains(gains));
+        let told = sources.len();
+        let doubtful = |test: &Consistency| test.probability < WARNED;
+        let left = nominal.consistency.filter(doubtful);
+        let left = left.and_then(|_| left::residuals(&nominal.sets));
+        if left.is_some() {
+            sources.extend(usual(self.setup, method.interface_only()));
+        }
         if sources.is_empty() {
             return Ok(None);
         }
@@ -224,10 +244,10 @@ impl Session<'_> {
             nominal: Choices::of(nominal),
             observable: estimates(&nominal.identification).map(|e| e.is_some()),
         };
-        let (contributions, _) = parallel::each(
+        let (effects, _) = parallel::each(
             sources.len(),
             None,
-            &|k| chain.contribution(&sources[k]),
+            &|k| chain.effect(&sources[k]),
             &mut |done, _| {
                 progress(measure::Progress {
                     work: measure::Work::Reading,
@@ -238,7 +258,23 @@ impl Session<'_> {
                 });
             },
         )?;
-        Ok(Some(TypeB { contributions }))
+        let mut effects: Vec<Effect> = effects;
+        let usual = effects.split_off(told);
+        let contribution = |(source, effect): (&Source, Effect)| Contribution {
+            source: source.name.clone(),
+            numbers: effect.numbers,
+        };
+        let mut found = TypeB {
+            contributions: sources.iter().zip(effects).map(contribution).collect(),
+            times_usual: None,
+        };
+        if let Some((contributions, times)) =
+            left.and_then(|left| left::contributions(&left, &usual))
+        {
+            found.contributions.extend(contributions);
+            found.times_usual = Some(times);
+        }
+        Ok((!found.contributions.is_empty()).then_some(found))
     }
 }
 
@@ -284,12 +320,13 @@ impl Choices {
 const STEPS: [f64; 2] = [0.01, 0.002];
 
 impl Chain<'_> {
-    fn contribution(&self, source: &Source) -> Result<Contribution, AnswerError> {
+    fn effect(&self, source: &Source) -> Result<Effect, AnswerError> {
         let added = match &source.error {
-            Error::Sensors(change) => self.added(change)?,
+            Error::Sensors(changes) => self.added(changes)?,
             Error::Mass(_) | Error::Forces(_) => Vec::new(),
         };
         let mut numbers = [None; NUMBERS];
+        let mut residuals = DVector::zeros(0);
         for step in STEPS {
             // Where up or down the data allow no answer, nearer they do.
             let side = |factor: f64| self.identify(source, &added, factor).ok();
@@ -305,6 +342,10 @@ impl Chain<'_> {
                     .zip(below)
                     .map(|(a, b)| (a.value - b.value) / (2.0 * step));
             }
+            let left = left::residuals(&up.sets).zip(left::residuals(&down.sets));
+            if let Some((up, down)) = left.filter(|(up, down)| up.len() == down.len()) {
+                residuals = (up - down) / (2.0 * step);
+            }
             if Choices::of(&up) == self.nominal && Choices::of(&down) == self.nominal {
                 break;
             }
@@ -312,22 +353,26 @@ impl Chain<'_> {
         for (number, observable) in numbers.iter_mut().zip(self.observable) {
             *number = number.filter(|x| observable && x.is_finite());
         }
-        Ok(Contribution {
-            source: source.name.clone(),
-            numbers,
-        })
+        Ok(Effect { numbers, residuals })
     }
 
-    fn added(&self, change: &measure::Change) -> Result<Vec<Added>, MeasureError> {
+    fn added(&self, changes: &[measure::Change]) -> Result<Vec<Added>, MeasureError> {
         let runs = self.setup.runs.iter().enumerate();
         runs.map(|(number, run)| {
             let geometry = RunGeometry::new(self.setup, number, self.accelerations)?;
-            geometry
-                .changed_columns(self.setup, number, self.accelerations, change)
-                .map_err(|source| MeasureError::Geometry {
-                    run: run.name.clone(),
-                    source,
-                })
+            let mut sum: Added = vec![[0.0; RESULTANTS]; geometry.columns.len()];
+            for change in changes {
+                let added = geometry
+                    .changed_columns(self.setup, number, self.accelerations, change)
+                    .map_err(|source| MeasureError::Geometry {
+                        run: run.name.clone(),
+                        source,
+                    })?;
+                for (sum, added) in sum.iter_mut().flatten().zip(added.iter().flatten()) {
+                    *sum += added;
+                }
+            }
+            Ok(sum)
         })
         .collect()
     }

@@ -16,8 +16,8 @@ pub(super) struct Source {
 /// Target of an error.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Error {
-    /// Properties of sensors.
-    Sensors(Change),
+    /// Properties of sensors, all at once.
+    Sensors(Vec<Change>),
     /// The weighed mass, kg.
     Mass(f64),
     /// Gains of forces in single runs.
@@ -46,13 +46,89 @@ pub(super) fn of_gains(gains: Vec<ForceGain>) -> Option<Source> {
 /// All errors of a setup. Sensitivities that neither the sensor nor its kind states have the
 /// uncertainty of their certificate, where a recording carries it.
 pub(super) fn sources(setup: &Setup, measurement: &Measurement) -> Vec<Source> {
-    let channels = channels(setup, measurement);
+    let mut sources = of_channels(&channels(setup, measurement));
+    if let Some(u) = setup.known_mass_uncertainty {
+        sources.push(Source {
+            name: "mass on the balance".to_owned(),
+            error: Error::Mass(u),
+        });
+    }
+    sources
+}
+
+/// Differences that sensors usually have from what is said of them: gain as a share, position in m, direction in
+/// degrees.
+const USUAL: Uncertainty = Uncertainty {
+    noise: None,
+    calibration: Some(0.005),
+    position: Some(0.001),
+    direction: Some(0.5),
+};
+
+/// Usual errors of all sensors that count: of each by itself, and of all accelerometers or load cells together,
+/// whose gain may be that of one direction.
+pub(super) fn usual(setup: &Setup, interface_only: bool) -> Vec<Source> {
+    let mut channels = channels(setup, &Measurement::default());
+    let counts = |channel: &Channel| !interface_only || channel.kind > 0;
+    let directions: Vec<Vector3<f64>> = (setup.accelerometers.iter().map(|a| a.direction))
+        .chain(setup.load_cells.iter().map(|c| c.direction))
+        .map(Vector3::from)
+        .collect();
+    for channel in &mut channels {
+        channel.stated = if counts(channel) {
+            USUAL
+        } else {
+            Uncertainty::default()
+        };
+    }
+    let mut sources = of_channels(&channels);
+    let common = |name: String, changes: Vec<Change>| Source {
+        name,
+        error: Error::Sensors(changes),
+    };
+    for (kind, name) in [
+        (0, "accelerometers on the structure"),
+        (1, "accelerometers on the interface"),
+        (2, "load cells"),
+    ] {
+        let of_kind = |number: &usize| channels[*number].kind == kind && counts(&channels[*number]);
+        let members: Vec<usize> = (0..channels.len()).filter(of_kind).collect();
+        if members.len() < 2 {
+            continue;
+        }
+        for (axis, letter) in AXES.into_iter().enumerate() {
+            let along = |number: &&usize| directions[**number].iamax() == axis;
+            let gains = members.iter().filter(along);
+            let gain =
+                |number: &usize| Change::Gain(*number, USUAL.calibration.unwrap_or_default());
+            sources.push(common(
+                format!("calibration of all {name} along {letter}"),
+                gains.map(gain).collect(),
+            ));
+            let mut by = Vector3::zeros();
+            by[axis] = USUAL.position.unwrap_or_default();
+            sources.push(common(
+                format!("position of all {name} along {letter}"),
+                vec![Change::Position(members.clone(), by)],
+            ));
+            by[axis] = USUAL.direction.unwrap_or_default().to_radians();
+            sources.push(common(
+                format!("direction of all {name} about {letter}"),
+                vec![Change::Direction(members.clone(), by)],
+            ));
+        }
+    }
+    sources
+}
+
+/// The errors that channels state.
+fn of_channels(channels: &[Channel]) -> Vec<Source> {
     let mut sources = Vec::new();
     for (number, channel) in channels.iter().enumerate() {
         if let Some(share) = channel.stated.calibration.filter(|u| *u > 0.0) {
             sources.push(Source {
                 name: format!("calibration of {}", channel.name),
-                error: Error::Sensors(Change::Gain(number, share)),
+                error: Error::Sensors(vec![Change::Gain(number, share)]),
             });
         }
     }
@@ -60,7 +136,7 @@ pub(super) fn sources(setup: &Setup, measurement: &Measurement) -> Vec<Source> {
         ("position", "along", position as fn(&Channel) -> Option<f64>),
         ("direction", "about", direction),
     ] {
-        for (members, size) in blocks(&channels, of) {
+        for (members, size) in blocks(channels, of) {
             let names: Vec<&str> = members.iter().map(|&k| &*channels[k].name).collect();
             for (axis, name) in AXES.into_iter().enumerate() {
                 let mut by = Vector3::zeros();
@@ -68,19 +144,13 @@ pub(super) fn sources(setup: &Setup, measurement: &Measurement) -> Vec<Source> {
                 let members = members.clone();
                 sources.push(Source {
                     name: format!("{what} of {} {word} {name}", names.join(", ")),
-                    error: Error::Sensors(match what {
+                    error: Error::Sensors(vec![match what {
                         "position" => Change::Position(members, by),
                         _ => Change::Direction(members, by),
-                    }),
+                    }]),
                 });
             }
         }
-    }
-    if let Some(u) = setup.known_mass_uncertainty {
-        sources.push(Source {
-            name: "mass on the balance".to_owned(),
-            error: Error::Mass(u),
-        });
     }
     sources
 }
@@ -187,7 +257,10 @@ mod tests {
         ];
         assert_eq!(names, expected);
         let degree = Vector3::new(1.0_f64.to_radians(), 0.0, 0.0);
-        let Error::Sensors(Change::Direction(channels, by)) = &found[7].error else {
+        let Error::Sensors(changes) = &found[7].error else {
+            panic!("{found:?}");
+        };
+        let [Change::Direction(channels, by)] = changes.as_slice() else {
             panic!("{found:?}");
         };
         assert_eq!((channels.as_slice(), by), (&[0][..], &degree));
