@@ -9,10 +9,10 @@
 //!
 //! * Of each usual error of each sensor the chain tells the change of the residuals `r` of the masslines, J, and of the
 //!   numbers, T: one error is one column.
-//! * Errors are `λ` times as large as usual ones, and `λ` is the one for which `r`, of the covariance `1 + λ² J Jᵀ`, is
-//!   most likely.
-//! * Given `r`, the errors have the mean `e = -λ² Jᵀ (1 + λ² J Jᵀ)⁻¹ r` and the covariance
-//!   `λ² - λ² Jᵀ (1 + λ² J Jᵀ)⁻¹ J λ²`. Nothing is mended by them: T e, which would mend the numbers, counts as
+//! * Errors are `λ` times as large as usual ones, and `λ` is the one for which `r`, of the covariance `s² + λ² J Jᵀ`, is
+//!   most likely. Of `s²` 1 is noise, and the rest is what columns that are derivatives leave of errors.
+//! * Given `r`, the errors have the mean `e = -λ² Jᵀ (s² + λ² J Jᵀ)⁻¹ r` and the covariance
+//!   `λ² - λ² Jᵀ (s² + λ² J Jᵀ)⁻¹ J λ²`. Nothing is mended by them: T e, which would mend the numbers, counts as
 //!   uncertainty beside the covariance.
 
 use super::super::consistency::{weighted, weights};
@@ -27,6 +27,9 @@ pub(super) const SOURCE: &str = "errors of sensors by what a rigid body leaves";
 /// Range of the decimal logarithm of λ, and steps in which it is looked for.
 const DECADES: [f64; 2] = [-2.0, 4.0];
 const STEPS: u32 = 240;
+
+/// Share of the residuals that their derivatives leave: errors of some per cent are as much off by their squares.
+const LINEAR: f64 = 0.05;
 
 /// Share of the largest singular value from which a parameter is determined.
 const DETERMINED: f64 = 1e-9;
@@ -95,9 +98,13 @@ pub(super) fn contributions(
     let both = (&j * j.transpose()).symmetric_eigen();
     let along = both.eigenvectors.tr_mul(left);
     let power: Vec<f64> = both.eigenvalues.iter().map(|x| x.max(0.0)).collect();
+    let told = power
+        .iter()
+        .filter(|p| **p > DETERMINED * both.eigenvalues.max());
+    let noise = 1.0 + LINEAR * LINEAR * left.norm_squared() / told.count().max(1) as f64;
     let unlikely = |square: f64| -> f64 {
         let of = power.iter().zip(along.iter());
-        of.map(|(p, z)| (square * p).ln_1p() + z * z / (1.0 + square * p))
+        of.map(|(p, z)| (square * p / noise).ln_1p() + z * z / (noise + square * p))
             .sum()
     };
     let [low, high] = DECADES;
@@ -105,11 +112,11 @@ pub(super) fn contributions(
         .map(|k| 10_f64.powf(low + (high - low) * f64::from(k) / f64::from(STEPS)))
         .min_by(|a, b| unlikely(a * a).total_cmp(&unlikely(b * b)))?;
     let square = times * times;
-    // (1 + λ² J Jᵀ)⁻¹, in its own axes.
+    // (s² + λ² J Jᵀ)⁻¹, in its own axes.
     let inverse = |vector: &DVector<f64>| {
         let mut own = both.eigenvectors.tr_mul(vector);
         for (x, p) in own.iter_mut().zip(&power) {
-            *x /= 1.0 + square * p;
+            *x /= noise + square * p;
         }
         &both.eigenvectors * own
     };
@@ -244,7 +251,7 @@ mod tests {
         }
     }
 
-    /// One error and one equation: `e = -λ² j r / (1 + λ² j²)` where `1 + λ² j² = r²` is most likely.
+    /// One error and one equation: `e = -λ² j r / (s² + λ² j²)` where `s² + λ² j² = r²` is most likely.
     #[test]
     fn one_error_is_that_of_the_closed_form() {
         let mut numbers = [None; NUMBERS];
@@ -255,12 +262,13 @@ mod tests {
         };
         let left = DVector::from_element(1, 10.0);
         let (found, times) = contributions(&left, &[effect]).unwrap();
-        let square = (100.0 - 1.0) / 4.0;
+        let noise = 1.0 + LINEAR * LINEAR * 100.0;
+        let square = (100.0 - noise) / 4.0;
         // λ is looked for in steps of 6 %.
         assert!((times * times / square - 1.0).abs() < 0.07, "{times}");
         let square = times * times;
-        let mean = -7.0 * square * 2.0 * 10.0 / (1.0 + 4.0 * square);
-        let variance = 49.0 * square / (1.0 + 4.0 * square);
+        let mean = -7.0 * square * 2.0 * 10.0 / (noise + 4.0 * square);
+        let variance = 49.0 * square * noise / (noise + 4.0 * square);
         let of = |c: &Contribution| c.numbers[0].unwrap();
         assert!((of(&found[0]) / mean - 1.0).abs() < 1e-12);
         let about: f64 = found[1..].iter().map(|c| of(c).powi(2)).sum();
