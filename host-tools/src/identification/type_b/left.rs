@@ -63,10 +63,13 @@ pub(super) fn residuals(sets: &[Masslines]) -> Option<DVector<f64>> {
             }
         }
     }
-    let matrix = DMatrix::from_row_iterator(right.len(), 10, rows);
+    let is_number = |x: &f64| x.is_finite();
+    if right.is_empty() || !rows.iter().chain(&right).all(is_number) {
+        return None;
+    }
+    let mut scaled = DMatrix::from_row_iterator(right.len(), 10, rows);
     let right = DVector::from_vec(right);
     // Kilograms and kg m² mix: columns of one length.
-    let mut scaled = matrix.clone();
     for mut column in scaled.column_iter_mut() {
         let length = column.norm();
         if length > 0.0 {
@@ -85,17 +88,30 @@ pub(super) fn residuals(sets: &[Masslines]) -> Option<DVector<f64>> {
     left.iter().all(|x| x.is_finite()).then_some(left)
 }
 
-/// The contributions of errors with these effects to the numbers, and λ, by what is left; `None` where nothing is.
+/// The contributions of errors with these effects to the observable numbers, and λ, by what is left; `None` where half
+/// of the effects are not known.
 pub(super) fn contributions(
     left: &DVector<f64>,
     effects: &[Effect],
+    observable: &[bool; NUMBERS],
 ) -> Option<(Vec<Contribution>, f64)> {
-    let fits = |e: &Effect| e.residuals.len() == left.len();
-    if effects.is_empty() || !effects.iter().all(fits) {
+    let is_known = |e: &&Effect| {
+        let mut numbers = e.numbers.iter().zip(observable);
+        e.residuals.len() == left.len()
+            && e.residuals.iter().all(|x| x.is_finite())
+            && numbers.all(|(number, observable)| number.is_some() || !observable)
+    };
+    let known: Vec<&Effect> = effects.iter().filter(is_known).collect();
+    if known.is_empty() || 2 * known.len() < effects.len() {
         return None;
     }
+    let effects = known;
     let j = DMatrix::from_fn(left.len(), effects.len(), |i, s| effects[s].residuals[i]);
-    let both = (&j * j.transpose()).symmetric_eigen();
+    let products = &j * j.transpose();
+    if !products.iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    let both = products.symmetric_eigen();
     let along = both.eigenvectors.tr_mul(left);
     let power: Vec<f64> = both.eigenvalues.iter().map(|x| x.max(0.0)).collect();
     let told = power
@@ -120,10 +136,8 @@ pub(super) fn contributions(
         }
         &both.eigenvectors * own
     };
-    let seen: [bool; NUMBERS] =
-        std::array::from_fn(|k| effects.iter().all(|e| e.numbers[k].is_some()));
     let t = DMatrix::from_fn(NUMBERS, effects.len(), |k, s| {
-        effects[s].numbers[k].filter(|_| seen[k]).unwrap_or(0.0)
+        effects[s].numbers[k].unwrap_or(0.0)
     });
     let mend = &t * (j.tr_mul(&inverse(left)) * -square);
     let across = &j * t.transpose();
@@ -139,7 +153,7 @@ pub(super) fn contributions(
     columns.extend(roots(&covariance));
     let contribution = |column: &DVector<f64>| Contribution {
         source: SOURCE.to_owned(),
-        numbers: std::array::from_fn(|k| seen[k].then_some(column[k])),
+        numbers: std::array::from_fn(|k| observable[k].then_some(column[k])),
     };
     Some((columns.iter().map(contribution).collect(), times))
 }
@@ -235,7 +249,7 @@ mod tests {
                     left += &effect.residuals * *error;
                     off += effect.numbers[3].unwrap() * error;
                 }
-                let (found, times) = contributions(&left, &effects).unwrap();
+                let (found, times) = contributions(&left, &effects, &[true; NUMBERS]).unwrap();
                 // The first is what would mend the numbers; the others are about that.
                 let of = |c: &Contribution| c.numbers[3].unwrap();
                 let about: f64 = found[1..].iter().map(|c| of(c).powi(2)).sum();
@@ -261,7 +275,9 @@ mod tests {
             residuals: DVector::from_element(1, 2.0),
         };
         let left = DVector::from_element(1, 10.0);
-        let (found, times) = contributions(&left, &[effect]).unwrap();
+        let mut first = [false; NUMBERS];
+        first[0] = true;
+        let (found, times) = contributions(&left, &[effect], &first).unwrap();
         let noise = 1.0 + LINEAR * LINEAR * 100.0;
         let square = (100.0 - noise) / 4.0;
         // λ is looked for in steps of 6 %.
@@ -287,7 +303,21 @@ mod tests {
             residuals: DVector::zeros(0),
         };
         let left = DVector::from_element(3, 1.0);
-        assert!(contributions(&left, &[effect]).is_none());
-        assert!(contributions(&left, &[]).is_none());
+        let all = [true; NUMBERS];
+        let known = |numbers: Option<f64>, residual: f64| Effect {
+            numbers: [numbers; NUMBERS],
+            residuals: DVector::from_element(3, residual),
+        };
+        let sound = known(Some(1.0), 2.0);
+        for other in [effect, known(None, 2.0), known(Some(1.0), f64::NAN)] {
+            assert!(contributions(&left, std::slice::from_ref(&other), &all).is_none());
+            // One of two is enough, and counts by itself.
+            let both = contributions(&left, &[other, sound.clone()], &all).unwrap();
+            assert_eq!(
+                both,
+                contributions(&left, std::slice::from_ref(&sound), &all).unwrap()
+            );
+        }
+        assert!(contributions(&left, &[], &all).is_none());
     }
 }

@@ -147,12 +147,9 @@ impl TypeB {
             let mut pairs = all.iter().zip(&c.numbers);
             pairs.any(|(estimate, number)| estimate.is_some() && number.is_none())
         };
-        let names: Vec<&str> = self
-            .contributions
-            .iter()
-            .filter(lost)
-            .map(|c| &*c.source)
-            .collect();
+        let lost = self.contributions.iter().filter(lost);
+        let mut names: Vec<&str> = lost.map(|c| &*c.source).collect();
+        names.dedup();
         (!names.is_empty()).then(|| {
             format!(
                 "the stated uncertainty is more than this test can be carried through with: {}; numbers that it touches have no type B uncertainty",
@@ -269,7 +266,7 @@ impl Session<'_> {
             times_usual: None,
         };
         if let Some((contributions, times)) =
-            left.and_then(|left| left::contributions(&left, &usual))
+            left.and_then(|left| left::contributions(&left, &usual, &chain.observable))
         {
             found.contributions.extend(contributions);
             found.times_usual = Some(times);
