@@ -7,6 +7,9 @@ pub mod cli;
 pub mod commands;
 pub mod detective;
 pub mod device;
+#[cfg(test)]
+#[path = "../../core/tests/draws/mod.rs"]
+mod draws;
 pub mod export;
 pub mod format;
 pub mod frame;

@@ -257,6 +257,12 @@ fn alone(evidence: &Evidence, found: &Found) -> Option<Found> {
     if evidence.weighed.is_none() || found.before.ratio() <= CONTRADICTS {
         return None;
     }
-    let alone = evidence.without_mass().search().ok()?;
+    let without = evidence.without_mass();
+    let (state, bench) = without.state(&without.sensors, &[])?;
+    if bench.score(&state, 1.0)?.ratio() > CONTRADICTS {
+        // A search would only name faults of sensors.
+        return None;
+    }
+    let alone = without.search().ok()?;
     (alone.named.is_empty() && alone.before.ratio() <= CONTRADICTS).then_some(alone)
 }

@@ -206,25 +206,19 @@ fn corner(lines: &[Line], frequencies: &[f64], correlation: f64) -> Option<Mean>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::draws::Draws;
     use nalgebra::Complex;
 
     /// Forces behind a coupling with a corner in Hz, of a body with a mode at 40 Hz and 2 % of damping, late by a tenth of a
     /// millisecond, with as much noise.
-    fn lines(corner: f64, noise: f64, state: &mut u64) -> (Vec<Line>, Vec<f64>) {
-        let mut uniform = || {
-            *state ^= *state << 13;
-            *state ^= *state >> 7;
-            *state ^= *state << 17;
-            (*state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>();
+    fn lines(corner: f64, noise: f64, rng: &mut Draws) -> (Vec<Line>, Vec<f64>) {
         let frequencies: Vec<f64> = (4..40).map(|k| 0.5 * f64::from(k)).collect();
         let lines = frequencies.iter().map(|f| {
             let r = f / 40.0;
             let elastic = 1.0 + 0.3 * r * r / Complex::new(1.0 - r * r, 0.04 * r);
             let late = Complex::new(0.0, -std::f64::consts::TAU * f * 1e-4).exp();
             let coupled = Complex::new(1.0, -corner / f).inv();
-            let cross = elastic * late * coupled + noise * Complex::new(normal(), normal());
+            let cross = elastic * late * coupled + noise * Complex::new(rng.normal(), rng.normal());
             Line {
                 force: cross.norm_sqr(),
                 cross,
@@ -236,11 +230,11 @@ mod tests {
 
     #[test]
     fn a_corner_is_found_where_it_is() {
-        let mut state = 4711;
+        let mut rng = Draws::new(4711);
         let mut squares = 0.0;
         let draws = 400;
         for _ in 0..draws {
-            let (lines, frequencies) = lines(0.1, 0.01, &mut state);
+            let (lines, frequencies) = lines(0.1, 0.01, &mut rng);
             let found = corner(&lines, &frequencies, 1.0).unwrap();
             squares += ((found.value - 0.1) / found.std).powi(2);
         }
@@ -251,7 +245,7 @@ mod tests {
         // At half of the lowest line's frequency, and of the accelerations. What damping and delay turn adds to the angle,
         // not to its tangent: by 1e-3 of one.
         for sign in [1.0, -1.0] {
-            let (lines, frequencies) = lines(sign, 0.001, &mut state);
+            let (lines, frequencies) = lines(sign, 0.001, &mut rng);
             let found = corner(&lines, &frequencies, 1.0).unwrap();
             assert!((found.value - sign).abs() < 0.02, "{found:?}");
         }

@@ -219,24 +219,16 @@ fn noise(half: &[Line]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::draws::Draws;
     use nalgebra::Complex;
 
-    /// Lines on which force and prediction are these, with as much noise of the force as signal times `noise`, by a
-    /// generator of 64 bits.
-    fn lines(gain: f64, noise: f64, state: &mut u64) -> Vec<Line> {
-        let mut uniform = || {
-            *state ^= *state << 13;
-            *state ^= *state >> 7;
-            *state ^= *state << 17;
-            (*state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        // A sum of twelve is normal but for its far tails.
-        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>();
+    /// Lines on which force and prediction are these, with as much noise of the force as signal times `noise`.
+    fn lines(gain: f64, noise: f64, rng: &mut Draws) -> Vec<Line> {
         (0..40)
             .map(|k| {
                 let predicted = 1.0 + 0.1 * f64::from(k);
                 let elastic = 1.0 + 0.005 * f64::from(k);
-                let error = Complex::new(normal(), normal()) * noise * predicted.sqrt();
+                let error = Complex::new(rng.normal(), rng.normal()) * noise * predicted.sqrt();
                 let cross = Complex::from(gain * elastic * predicted) + error;
                 Line {
                     force: cross.norm_sqr() / predicted,
@@ -250,11 +242,11 @@ mod tests {
     /// Probabilities of sound halves are spread evenly, and a change is found as large as it is.
     #[test]
     fn chance_is_judged_as_it_is() {
-        let mut state = 1_234_567;
+        let mut rng = Draws::new(1);
         let mut below = [0.0; 2];
         let draws = 4000;
         for _ in 0..draws {
-            let [a, b] = [(); 2].map(|()| lines(1.0, 0.02, &mut state));
+            let [a, b] = [(); 2].map(|()| lines(1.0, 0.02, &mut rng));
             let probability = change(&a, &b, 1.0).unwrap().probability();
             below[0] += f64::from(u8::from(probability < 0.1));
             below[1] += f64::from(u8::from(probability < 0.01));
@@ -267,7 +259,7 @@ mod tests {
                 "{expected}: {found} of {draws}"
             );
         }
-        let [a, b] = [1.0, 1.03].map(|gain| lines(gain, 0.002, &mut state));
+        let [a, b] = [1.0, 1.03].map(|gain| lines(gain, 0.002, &mut rng));
         let found = change(&a, &b, 1.0).unwrap();
         // Of the mean of both.
         assert!(
@@ -291,23 +283,23 @@ mod tests {
     /// Three lines tell nothing, nor do lines that are one another's copies, nor a force that is not predicted.
     #[test]
     fn too_little_tells_no_change() {
-        let mut state = 7;
-        let all = lines(1.0, 0.01, &mut state);
+        let mut rng = Draws::new(7);
+        let all = lines(1.0, 0.01, &mut rng);
         assert!(change(&all[..2], &all[..2], 1.0).is_none());
         assert!(change(&all[..8], &all[..8], 35.0 / 18.0).is_none());
         assert!(change(&all, &all, 1.0).is_none(), "no scatter at all");
-        let other = lines(1.6, 0.01, &mut state);
-        assert!(change(&other, &lines(1.6, 0.01, &mut state), 1.0).is_none());
+        let other = lines(1.6, 0.01, &mut rng);
+        assert!(change(&other, &lines(1.6, 0.01, &mut rng), 1.0).is_none());
         assert!(change(&[], &[], 1.0).is_none());
     }
 
     /// Without a drive noise takes a share of the ratio: what its own change may do is no drift.
     #[test]
     fn other_noise_in_one_half_is_no_drift() {
-        let mut state = 99;
-        let early = lines(1.0, 0.001, &mut state);
+        let mut rng = Draws::new(99);
+        let early = lines(1.0, 0.001, &mut rng);
         // One part of a hundred more is noise of the accelerations.
-        let late: Vec<Line> = lines(1.0, 0.001, &mut state)
+        let late: Vec<Line> = lines(1.0, 0.001, &mut rng)
             .into_iter()
             .map(|line| Line {
                 predicted: 1.01 * line.predicted,

@@ -190,6 +190,7 @@ mod tests {
     use super::super::sums::SumStorage;
     use super::super::{BlockStorage, stream::Seen};
     use super::*;
+    use crate::draws::Draws;
     use crate::recording::Recording;
     use massline_core::spectra::{Average, BlockSettings, Window};
     use std::fmt::Write as _;
@@ -224,19 +225,13 @@ mod tests {
     fn halves(drives: usize, blocks: usize) -> (Option<EarlyLate>, Vec<Products>) {
         let settings = BlockSettings::new(LENGTH, 0.5, Window::Hann, 256.0, [4.0, 60.0]).unwrap();
         let rows = settings.support() + (blocks - 1) * LENGTH / 2;
-        let mut state = 88_172_645_463_325_252_u64;
-        let mut uniform = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
-        };
+        let mut rng = Draws::new(1);
         let names = (0..drives + RESULTANTS).map(|c| format!("c{c}"));
         let names: Vec<String> = names.collect();
         let mut text = names.join(",") + "\n";
         for row in 0..rows {
             let gain = if row < rows / 2 { 1.0 } else { 2.0 };
-            let own: Vec<f32> = (0..drives.max(1)).map(|_| uniform()).collect();
+            let own: Vec<f32> = (0..drives.max(1)).map(|_| rng.normal() as f32).collect();
             let sum: f32 = own.iter().sum();
             let channels = (0..RESULTANTS).map(|c| match (drives, c) {
                 (0, 0) => sum,

@@ -178,24 +178,9 @@ fn roots(covariance: &DMatrix<f64>) -> Vec<DVector<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::draws::Draws;
     use massline_core::rigid_body::{Inertia, RigidBody};
     use nalgebra::{Vector3, Vector6};
-
-    /// Numbers in (-0.5, 0.5), and nearly normal ones.
-    struct Random(u64);
-
-    impl Random {
-        fn uniform(&mut self) -> f64 {
-            self.0 ^= self.0 << 13;
-            self.0 ^= self.0 >> 7;
-            self.0 ^= self.0 << 17;
-            (self.0 >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        }
-
-        fn normal(&mut self) -> f64 {
-            (0..12).map(|_| self.uniform()).sum()
-        }
-    }
 
     #[test]
     fn a_rigid_body_leaves_nothing() {
@@ -213,10 +198,10 @@ mod tests {
         };
         let reference = Vector3::new(0.1, 0.2, -0.3);
         let matrix = body.mass_matrix(&reference);
-        let mut random = Random(5);
+        let mut rng = Draws::new(5);
         let pairs: Vec<_> = (0..6)
             .map(|_| {
-                let a = Vector6::from_fn(|_, _| random.uniform());
+                let a = Vector6::from_fn(|_, _| rng.normal());
                 (a, matrix * a)
             })
             .collect();
@@ -230,7 +215,7 @@ mod tests {
     /// many draws, whatever the size.
     #[test]
     fn errors_are_held_as_often_as_is_said() {
-        let mut random = Random(2_463_534_242);
+        let mut rng = Draws::new(1);
         let (equations, sources) = (26, 40);
         for size in [0.3, 3.0, 30.0] {
             let (mut squares, mut sizes) = (0.0, 0.0);
@@ -238,12 +223,12 @@ mod tests {
             for _ in 0..draws {
                 let effects: Vec<Effect> = (0..sources)
                     .map(|_| Effect {
-                        numbers: std::array::from_fn(|_| Some(random.normal())),
-                        residuals: DVector::from_fn(equations, |_, _| 5.0 * random.normal()),
+                        numbers: std::array::from_fn(|_| Some(rng.normal())),
+                        residuals: DVector::from_fn(equations, |_, _| 5.0 * rng.normal()),
                     })
                     .collect();
-                let errors: Vec<f64> = (0..sources).map(|_| size * random.normal()).collect();
-                let mut left = DVector::from_fn(equations, |_, _| random.normal());
+                let errors: Vec<f64> = (0..sources).map(|_| size * rng.normal()).collect();
+                let mut left = DVector::from_fn(equations, |_, _| rng.normal());
                 let mut off = 0.0;
                 for (effect, error) in effects.iter().zip(&errors) {
                     left += &effect.residuals * *error;
