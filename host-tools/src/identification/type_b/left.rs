@@ -22,7 +22,7 @@ use massline_core::masslines::Masslines;
 use nalgebra::{Complex, DMatrix, DVector, SMatrix};
 
 /// Name of the source.
-pub(super) const SOURCE: &str = "errors of sensors by what a rigid body leaves";
+pub(super) const SOURCE: &str = "sensor errors, by the misfit";
 
 /// Range of the decimal logarithm of λ, and steps in which it is looked for.
 const DECADES: [f64; 2] = [-2.0, 4.0];
