@@ -4,6 +4,7 @@ use massline::identification::{Answer, Choice, NUMBERS, Session, TypeB, estimate
 use massline::result::ResultDocument;
 use massline::setup::{Setup, Uncertainty};
 use massline::simulate::{Model, Options, simulate};
+use massline_core::identify::Identification;
 use massline_core::masslines::Method;
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -123,6 +124,16 @@ fn a_gain_is_a_share_of_the_mass() {
     // Type B has infinitely many degrees of freedom and is far larger: 1.96.
     let interval = combined["interval"].as_f64().unwrap();
     assert!((interval / std - 1.959_964).abs() < 1e-3, "{combined}");
+    // What is shown where there is room for one error bar is that of both.
+    let document = ResultDocument::new(&setup, &answer);
+    assert_eq!(document.mass.half_width(), interval);
+    assert!(document.mass.noise_half_width() < 0.1 * interval);
+    let margin = answer.identification.plausibility.mass.unwrap();
+    let relative = interval / mass.value;
+    assert!(
+        (margin.uncertainty / relative - 1.0).abs() < 1e-6,
+        "{margin:?}"
+    );
     let variance = json["covariance_type_b"]["matrix"][0][0].as_f64().unwrap();
     assert!((variance / (both * both) - 1.0).abs() < 1e-12, "{json}");
     // Nothing else is known from one axis, by either type.
@@ -223,6 +234,9 @@ fn perturbed_setups_scatter_as_the_derivative_says() {
         let answer = identify(&stated, method);
         let b = type_b(&answer);
         let before = estimates(&answer.identification);
+        let noise = identify(&nominal, method).identification;
+        let margins = margins(&noise);
+        let mut margin_squares = [0.0; 2];
         let mut rng = Draws::new(11);
         let mut squares = [0.0; massline::identification::NUMBERS];
         for _ in 0..DRAWS {
@@ -248,7 +262,12 @@ fn perturbed_setups_scatter_as_the_derivative_says() {
                 shift(&mut c.position, 2, &mut rng);
                 c.scale *= 1.0 + gain * rng.normal();
             }
-            let found = estimates(&identify(&setup, method).identification);
+            let perturbed = identify(&setup, method).identification;
+            let moved = self::margins(&perturbed);
+            for (sum, (after, before)) in margin_squares.iter_mut().zip(moved.iter().zip(margins)) {
+                *sum += (after.0 - before.0).powi(2);
+            }
+            let found = estimates(&perturbed);
             for (sum, (after, before)) in squares.iter_mut().zip(found.iter().zip(&before)) {
                 if let (Some(after), Some(before)) = (after, before) {
                     *sum += (after.value - before.value).powi(2);
@@ -268,7 +287,71 @@ fn perturbed_setups_scatter_as_the_derivative_says() {
                 "{method:?} {k}: {ratio}"
             );
         }
+        // Plausibility is judged by both types: what the noise does not make of a margin's interval
+        // is what these draws scatter by.
+        let both = self::margins(&answer.identification);
+        for (squares, (noise, both)) in margin_squares.iter().zip(margins.iter().zip(both)) {
+            let b = (both.1.powi(2) - noise.1.powi(2)).sqrt();
+            let ratio = (squares / DRAWS as f64).sqrt() / (b / 1.959_964);
+            // Thousands of degrees of freedom are infinite to within some 1e-3.
+            assert!(noise.1 < b && noise.0 == both.0, "{noise:?} {both:?}");
+            assert!(
+                (ratio - 1.0).abs() < 4.0 / (2.0 * DRAWS as f64).sqrt(),
+                "{method:?}: {ratio}"
+            );
+        }
     }
+}
+
+/// Smallest principal moment and the triangle's margin with half of the 95 % interval, kg m².
+fn margins(i: &Identification) -> [(f64, f64); 2] {
+    let scale = i.principal.expect("all six terms").moments.amax();
+    let p = i.plausibility;
+    [p.positive_definite, p.triangle]
+        .map(|m| m.map_or((0.0, 0.0), |m| (m.relative * scale, m.uncertainty * scale)))
+}
+
+/// Errors that are next to nothing leave the plausibility that the core has found without them, of
+/// all ten numbers, of some, and beside a weighed mass.
+#[test]
+fn plausibility_without_errors_is_that_of_the_core() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = rigid_box(&folder, true, 0.01);
+    let mut weighed = all.clone();
+    weighed.known_mass = Some(37.0);
+    let mut some = all.clone();
+    // Along y, about x and about y: two moments of inertia of three.
+    some.runs = [1, 3, 4].map(|run| all.runs[run].clone()).to_vec();
+    let mut judged = [0; 2];
+    for setup in [all, weighed, some] {
+        let core = identify(&setup, None).identification.plausibility;
+        let mut stated = setup.clone();
+        stated.defaults.all.position = Some(1e-9);
+        let host = identify(&stated, None).identification.plausibility;
+        let pairs = [
+            (core.mass, host.mass),
+            (core.positive_definite, host.positive_definite),
+            (core.triangle, host.triangle),
+        ];
+        for (core, host) in pairs {
+            let Some((core, host)) = core.zip(host) else {
+                assert!(core.is_none() && host.is_none(), "{core:?} {host:?}");
+                continue;
+            };
+            assert!(
+                (core.relative - host.relative).abs() < 1e-12,
+                "{core:?} {host:?}"
+            );
+            // Responses are single precision, 6e-8, and the step is a hundredth of the error: what
+            // rounding looks like, 6e-6, is 5 % of the smallest standard deviation, 1.1e-4 of the
+            // mass, and adds to it in quadrature.
+            let ratio = host.uncertainty / core.uncertainty;
+            assert!((ratio - 1.0).abs() < 1.5e-3, "{core:?} {host:?}");
+        }
+        judged[usize::from(core.triangle.is_none())] +=
+            usize::from(core.positive_definite.is_some());
+    }
+    assert_eq!(judged, [2, 1]);
 }
 
 /// The balance's own uncertainty, without any other.

@@ -222,17 +222,15 @@ fn print_row(
     value: f64,
     with_truth: bool,
 ) -> std::io::Result<()> {
-    let half_width = row.number.half_width();
+    let half_width = row.number.noise_half_width();
     let (shown, half) = with_std(value * row.scale, half_width * row.scale);
     let interval = format!("± {half} {}", row.unit);
     let name = format!("{}{}", row.name, row.group);
     write!(out, "{name:<14}{shown:>12}  {interval:<13}")?;
-    let mut widest = half_width;
-    if let Some(combined) = &row.number.combined {
-        let half = combined.half_width();
-        let (_, shown) = with_std(value * row.scale, half * row.scale);
+    let widest = row.number.half_width();
+    if row.number.combined.is_some() {
+        let (_, shown) = with_std(value * row.scale, widest * row.scale);
         write!(out, "  {:<13}", format!("± {shown} {}", row.unit))?;
-        widest = half;
     }
     if with_truth {
         match row.truth {

@@ -132,10 +132,7 @@ fn covariance(result: &ResultDocument, frame: &Frame) -> Option<(Matrix10, f64)>
     let mut widths = 1.0;
     for property in result.properties() {
         let number = property.number;
-        let (std, half) = match &number.combined {
-            Some(both) => (both.std, both.half_width()),
-            None => (number.std?, number.half_width()),
-        };
+        let (std, half) = (number.std_of_both()?, number.half_width());
         if property.name == "mass" && result.indicator.is_some() {
             // Δ stands in the place of a mass that was weighed.
             matrix.fill_row(0, 0.0);

@@ -4,6 +4,7 @@
 use super::coupling::Coupling;
 use super::drift;
 use super::notice::notice;
+use super::plausible::plausibility;
 use super::refusal::refusal;
 use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, estimates};
 use crate::likelihood::{
@@ -14,8 +15,8 @@ use crate::parallel::processors;
 use crate::setup::Setup;
 use massline_core::identify::{Estimate, Identification, Procedure, Question, identify};
 use massline_core::masslines::{Masslines, Method};
-use massline_core::rigid_body::{Margin, Plausibility, PrincipalInertia};
-use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use massline_core::rigid_body::PrincipalInertia;
+use nalgebra::{Vector3, Vector6};
 
 /// Name of the method.
 pub const NAME: &str = "ml";
@@ -309,6 +310,8 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
     if let Some((identification, covariance)) = fitted {
         answer.identification = identification;
         answer.covariance = covariance;
+        let (fitted, type_b) = (&answer.identification, answer.type_b.as_ref());
+        answer.identification.plausibility = plausibility(fitted, &answer.covariance, type_b);
         answer.procedure = Procedure::Direct;
         // What contradicts a rigid body is in the data, whichever lines are used.
         let judged = Judged {
@@ -397,15 +400,6 @@ fn identification(
     found.freedom = (SCORES * fit.residuals.len() as f64).max(1.0);
     if found.inertia_cg.iter().all(Option::is_some) {
         found.principal = principal(&fit.model.rigid_matrix(), &band.reference);
-        if let Some(principal) = &found.principal {
-            let mass = known_mass.map_or(values[0], |m| m * values[0]);
-            let spread = std(covariance[(0, 0)]) * known_mass.unwrap_or(1.0);
-            let mass = Estimate {
-                value: mass,
-                std: spread,
-            };
-            found.plausibility = plausibility(mass, principal, &covariance, found.freedom);
-        }
     }
     let first = if known_mass.is_some() {
         found.indicator.is_some()
@@ -417,7 +411,9 @@ fn identification(
         1..4 => found.centre_of_gravity[i - 1].is_some(),
         _ => found.inertia_cg[i - 4].is_some(),
     });
-    (found, covariance_of(&covariance, &observable))
+    let covariance = covariance_of(&covariance, &observable);
+    found.plausibility = plausibility(&found, &covariance, None);
+    (found, covariance)
 }
 
 /// Principal moments and axes of the body with a mass matrix about `reference`.
@@ -431,55 +427,4 @@ fn principal(
     });
     let exact = Masslines::exact(*reference, pairs).ok()?;
     identify(&[exact], &Question::default()).ok()?.principal
-}
-
-/// Margins of the conditions that every body meets, as the core has them.
-fn plausibility(
-    mass: Estimate,
-    principal: &PrincipalInertia,
-    covariance: &SMatrix<f64, RIGID, RIGID>,
-    freedom: f64,
-) -> Plausibility {
-    let margin = |left: f64, half: f64, scale: f64| {
-        let scale = if scale > 0.0 { scale } else { 1.0 };
-        Some(Margin {
-            relative: left / scale,
-            uncertainty: half / scale,
-        })
-    };
-    // Change of a principal moment with the six terms: vᵀ dΘ v about its axis v.
-    let slope = |k: usize| {
-        let v = principal.axes.column(k);
-        let mut slope = SVector::<f64, RIGID>::zeros();
-        for (i, x) in [
-            v[0] * v[0],
-            v[1] * v[1],
-            v[2] * v[2],
-            -2.0 * v[0] * v[1],
-            -2.0 * v[0] * v[2],
-            -2.0 * v[1] * v[2],
-        ]
-        .into_iter()
-        .enumerate()
-        {
-            slope[4 + i] = x;
-        }
-        slope
-    };
-    let half = |slope: &SVector<f64, RIGID>| {
-        let variance = (slope.transpose() * covariance * slope)[(0, 0)];
-        let estimate = Estimate {
-            value: 0.0,
-            std: variance.max(0.0).sqrt(),
-        };
-        estimate.interval(freedom)
-    };
-    let m = principal.moments;
-    let scale = m.amax();
-    let triangle = slope(0) + slope(1) - slope(2);
-    Plausibility {
-        mass: margin(mass.value, mass.interval(freedom), mass.value.abs()),
-        positive_definite: margin(m[0], half(&slope(0)), scale),
-        triangle: margin(m[0] + m[1] - m[2], half(&triangle), scale),
-    }
 }

@@ -9,6 +9,7 @@ mod error;
 mod likelihood;
 mod mean;
 mod notice;
+mod plausible;
 mod predicted;
 mod recommended;
 mod refusal;
@@ -273,7 +274,7 @@ impl<'s> Session<'s> {
         } else {
             Procedure::Direct
         };
-        let found = identify_from(self.setup, method, procedure, &measurement)?;
+        let mut found = identify_from(self.setup, method, procedure, &measurement)?;
         let drifts = drift::drifts(&measurement, &found.identification);
         let type_b = if self.with_type_b {
             let data = (accelerations, &*measurement);
@@ -285,6 +286,8 @@ impl<'s> Session<'s> {
         let mut warnings = measurement.warnings.clone();
         if let Some(type_b) = &type_b {
             warnings.extend(type_b.gaps(&found.identification));
+            found.identification.plausibility =
+                plausible::plausibility(&found.identification, &found.covariance, Some(type_b));
         }
         let judged = Judged {
             identification: &found.identification,

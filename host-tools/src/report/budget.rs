@@ -1,7 +1,7 @@
 //! The section on uncertainty: the shares of noise and of errors of sensors.
 
 use super::markup::escape;
-use super::number::{significant, uncertain, with_unit};
+use super::number::{significant, with_unit};
 use super::page::Section;
 use super::scales::Unit;
 use super::table::TERMS;
@@ -16,10 +16,10 @@ pub(super) fn section(result: &ResultDocument) -> Option<Section> {
          certificates state of calibrations, positions and directions, which would be the same in \
          the next test with these sensors, what forces change within a run, and errors of sensors as large as the \
          misfit of a rigid body tells. Both columns are standard uncertainties (k = 1). The \
-         interval covers both, with the effective degrees of freedom of Welch and Satterthwaite.</p>\
+         intervals above cover both, with the effective degrees of freedom of Welch and Satterthwaite.</p>\
          <div class=\"wide\"><table class=\"plain\"><thead><tr><th scope=\"col\">Property</th>\
          <th scope=\"col\" class=\"num\">Type A</th><th scope=\"col\" class=\"num\">Type B</th>\
-         <th scope=\"col\" class=\"num\">Value ± 95\u{202f}% interval of both</th><th></th>\
+         <th></th>\
          <th scope=\"col\">Most of type B comes from</th></tr></thead><tbody>",
     );
     let mut rows: Vec<(&Number, String, Unit)> = vec![match &result.indicator {
@@ -39,9 +39,7 @@ pub(super) fn section(result: &ResultDocument) -> Option<Section> {
         }
     }
     for (number, symbol, unit) in rows {
-        let (Some(e), Some(type_b), Some(both)) =
-            (number.estimate(), &number.type_b, &number.combined)
-        else {
+        let Some((e, type_b)) = number.estimate().zip(number.type_b.as_ref()) else {
             continue;
         };
         let source = type_b.source.as_ref().zip(type_b.share);
@@ -52,11 +50,10 @@ pub(super) fn section(result: &ResultDocument) -> Option<Section> {
         let _ = write!(
             html,
             "<tr><th scope=\"row\"><i>{symbol}</i></th><td class=\"num\">{}</td>\
-             <td class=\"num\">{}</td><td class=\"num value\">{}</td><td class=\"unit\">{}</td>\
+             <td class=\"num\">{}</td><td class=\"unit\">{}</td>\
              <td>{source}</td></tr>",
             significant(e.std / unit.si, 2),
             significant(type_b.std / unit.si, 2),
-            uncertain(e.value / unit.si, both.half_width() / unit.si),
             unit.symbol,
         );
     }

@@ -313,17 +313,15 @@ fn diamond(x: f64, y: f64) -> String {
 
 fn footnote(result: &ResultDocument, truth: Option<&TrueBody>) -> String {
     let with_inertia = Natural::new(result, truth).inertia.is_some();
-    let mut text = String::from(
-        "<p class=\"small\">What follows ± is half of the 95\u{202f}% interval, here as everywhere. \
+    let both = if result.covariance_type_b.is_some() {
+        " It covers noise and type B uncertainty, which the next section tells apart."
+    } else {
+        ""
+    };
+    let mut text = format!(
+        "<p class=\"small\">What follows ± is half of the 95\u{202f}% interval, here as everywhere.{both} \
          Relative is the same in percent: of the mass; for coordinates, of the ",
     );
-    if result.covariance_type_b.is_some() {
-        text.insert_str(
-            text.len()
-                - "Relative is the same in percent: of the mass; for coordinates, of the ".len(),
-            "It covers noise alone; the next section adds type B uncertainty. ",
-        );
-    }
     text.push_str(if with_inertia {
         "radius of gyration about S; for inertia, of the largest moment about the same point."
     } else {
@@ -338,7 +336,11 @@ fn footnote(result: &ResultDocument, truth: Option<&TrueBody>) -> String {
     if let Some((moments, axes)) = result.principal_moments.zip(result.principal_axes) {
         let largest = moments.iter().fold(0.0, |a: f64, m| a.max(m.abs()));
         let unit = Unit::of_inertia(largest);
-        let deviations = result.inertia_cg.terms().into_iter().filter_map(|t| t.std);
+        let deviations = result
+            .inertia_cg
+            .terms()
+            .into_iter()
+            .filter_map(Number::std_of_both);
         let decimals = decimals_of(deviations.fold(0.0, f64::max) / unit.si);
         let moments = moments.map(|m| fixed(m / unit.si, decimals));
         text.push_str("</p><table class=\"principal\"><caption>Principal moments and axes about S</caption><tbody>");

@@ -1,7 +1,8 @@
 //! Whole pages, of simulated tests: well-formed whatever the numbers and names are.
 
+use super::number::uncertain;
 use super::*;
-use crate::identification::{Choice, answer};
+use crate::identification::{self, Choice, Session, answer};
 use crate::measure::{Measurement, Spectra};
 use crate::setup::Setup;
 use crate::simulate::{Model, Options, simulate};
@@ -123,6 +124,43 @@ fn a_test_without_drive_has_its_report() {
     let html = page(&setup, &answer, None);
     check(&html, "");
     assert!(html.contains("multiple coherence"));
+}
+
+/// A body that can exist is not called plausible where a rigid body leaves more than noise explains,
+/// and the interval that is shown holds the errors that explain it.
+#[test]
+fn what_contradicts_a_rigid_body_is_said_at_first() {
+    let folder = Folder::new("contradicted");
+    let (mut setup, _) = simulated("rigid-body.toml", &folder, true);
+    let of = |setup: &Setup| {
+        let mut session = Session::new(setup).with_type_b();
+        session.answer(&Choice::default(), &mut |_| ()).unwrap()
+    };
+    let sound = page(&setup, &of(&setup), None);
+    setup.load_cells[0].scale *= 1.05;
+    let answer = of(&setup);
+    let spoilt = page(&setup, &answer, None);
+    check(&spoilt, "");
+    let said = [&sound, &spoilt].map(|html| html.contains("the data contradict a rigid body"));
+    assert_eq!(said, [false, true]);
+    let plausible =
+        [&sound, &spoilt].map(|html| html.contains("The numbers are physically plausible"));
+    assert_eq!(plausible, [true, false]);
+
+    let mass = answer.identification.mass.unwrap();
+    let both = answer.type_b.as_ref().unwrap();
+    let both = both
+        .combined(
+            identification::number::MASS,
+            &mass,
+            answer.identification.freedom,
+        )
+        .unwrap();
+    let noise = mass.interval(answer.identification.freedom);
+    assert!(both.interval > 1.5 * noise, "{both:?} {noise}");
+    let tile = |half: f64| format!("<b>{}\u{202f}kg</b>", uncertain(mass.value, half));
+    assert!(spoilt.contains(&tile(both.interval)));
+    assert!(!spoilt.contains(&tile(noise)));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::markup::escape;
 use super::number::{exact, in_words, significant, uncertain, with_unit};
 use super::scales::{Natural, Unit};
 use super::table::TERMS;
-use crate::identification::Answer;
+use crate::identification::{Answer, WARNED};
 use crate::result::{Number, ResultDocument};
 use crate::setup::Setup;
 use std::fmt::Write;
@@ -143,12 +143,21 @@ fn sentence(result: &ResultDocument, natural: &Natural, truth: Option<&TrueBody>
                 "This test cannot judge if they are physically plausible: {reason}."
             );
         }
+        Some(true) if contradicted(result) => text.push_str(
+            "Such a body can exist, but <strong class=\"bad\">the data contradict a rigid body</strong>: see the notes.",
+        ),
         Some(true) => text.push_str("The numbers are physically plausible."),
     }
     if let Some(truth) = truth {
         text.push_str(&covered(result, truth));
     }
     refused + &text
+}
+
+/// `true` if a rigid body leaves more than noise explains, or sensors are suspected.
+fn contradicted(result: &ResultDocument) -> bool {
+    let test = result.consistency_test;
+    test.is_some_and(|test| test.probability < WARNED) || !result.findings.is_empty()
 }
 
 /// A sentence that counts the known true values within their 95\u{202f}% intervals.
@@ -268,6 +277,10 @@ fn plausible(result: &ResultDocument) -> (String, String) {
     match p.ok {
         Some(false) => ("no".to_owned(), "see above".to_owned()),
         None => ("cannot be judged".to_owned(), "see above".to_owned()),
+        Some(true) if contradicted(result) => (
+            "as a body, yes".to_owned(),
+            "but the data contradict a rigid body".to_owned(),
+        ),
         Some(true) => {
             let checked = p.triangle_margin.map_or_else(
                 || "as far as this test can tell".to_owned(),

@@ -68,14 +68,32 @@ impl Number {
         Some(Estimate { value, std })
     }
 
-    /// Half of the 95 % interval of the noise alone, SI: infinite where the noise has no degree
-    /// of freedom, zero where the number is not observable.
+    /// Half of the 95 % interval of all that is known of the errors, SI: both types where type B
+    /// is known, else that of the noise; infinite without a degree of freedom, zero where the
+    /// number is not observable.
     #[must_use]
     pub fn half_width(&self) -> f64 {
+        match (self.value, &self.combined) {
+            (Some(_), Some(both)) => both.half_width(),
+            _ => self.noise_half_width(),
+        }
+    }
+
+    /// Half of the 95 % interval of the noise alone, SI; infinite and zero as
+    /// [`half_width`](Self::half_width) is.
+    #[must_use]
+    pub fn noise_half_width(&self) -> f64 {
         match self.value {
             Some(_) => self.interval.unwrap_or(f64::INFINITY),
             None => 0.0,
         }
+    }
+
+    /// Standard uncertainty of all that is known of the errors, SI; `None` where the number is not
+    /// observable.
+    #[must_use]
+    pub fn std_of_both(&self) -> Option<f64> {
+        self.combined.map_or(self.std, |both| Some(both.std))
     }
 
     /// Adds the type B uncertainty of number `number` of an identification.

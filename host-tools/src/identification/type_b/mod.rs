@@ -121,15 +121,7 @@ impl TypeB {
     #[must_use]
     pub fn combined(&self, number: usize, type_a: &Estimate, freedom: f64) -> Option<Combined> {
         let type_b = self.std(number)?;
-        let std = type_a.std.hypot(type_b);
-        let freedom = if type_b == 0.0 {
-            freedom
-        } else if type_a.std == 0.0 {
-            f64::INFINITY
-        } else {
-            // Type B has infinitely many.
-            freedom * (std / type_a.std).powi(4)
-        };
+        let (std, freedom) = together(type_a.std, type_b, freedom);
         let both = Estimate { std, ..*type_a };
         Some(Combined {
             type_b,
@@ -273,6 +265,20 @@ impl Session<'_> {
         }
         Ok((!found.contributions.is_empty()).then_some(found))
     }
+}
+
+/// Standard uncertainty of both types together, and its degrees of freedom by Welch and
+/// Satterthwaite: type A has `freedom` of them, type B infinitely many.
+pub(super) fn together(type_a: f64, type_b: f64, freedom: f64) -> (f64, f64) {
+    let std = type_a.hypot(type_b);
+    let freedom = if type_b == 0.0 {
+        freedom
+    } else if type_a == 0.0 {
+        f64::INFINITY
+    } else {
+        freedom * (std / type_a).powi(4)
+    };
+    (std, freedom)
 }
 
 /// All that an identification is computed anew from.
