@@ -91,12 +91,24 @@ pub(super) fn unit(channel: &Channel) -> f64 {
 }
 
 /// `true` if a channel at this position has the name of time. A single `t` may be a temperature
-/// or a torque, so that it is time in the first column only.
+/// or a torque, so that it is time in the first column only, as `X_Value` (LabVIEW's abscissa), `Seconds` and a `T` of
+/// so many seconds are.
 fn is_time(position: usize, channel: &Channel) -> bool {
     let (name, unit) = parts(&channel.name);
     let of_time = unit.is_none_or(|unit| seconds(unit).is_some());
     let lower = name.to_lowercase();
-    of_time && (NAMES.contains(&lower.as_str()) || (position == 0 && name == "t"))
+    if !of_time {
+        return false;
+    }
+    // A channel that is in seconds or parts of them, such as of a header's second line.
+    let stated = channel.unit.as_deref().or(unit);
+    let in_seconds = || stated.is_some_and(|unit| seconds(unit).is_some());
+    let is_first = match lower.as_str() {
+        "x_value" => true,
+        "t" => name == "t" || in_seconds(),
+        name => name.len() > 2 && seconds(name).is_some(),
+    };
+    NAMES.contains(&lower.as_str()) || (position == 0 && is_first)
 }
 
 /// Position of the channel of time by its name, if it is not one that was asked for.
@@ -233,6 +245,10 @@ mod tests {
             ("time_ms", None, 1e-3),
             ("t / s", None, 1.0),
             ("時間", None, 1.0),
+            ("X_Value", None, 1.0),
+            ("Seconds", None, 1.0),
+            ("T [ms]", None, 1e-3),
+            ("T", Some("s"), 1.0),
         ] {
             let channels = [channel(name, stated), channel("a1", None)];
             assert_eq!(find(&channels, |_| false), Some(0), "{name}");
@@ -242,13 +258,27 @@ mod tests {
 
     #[test]
     fn other_channels_are_no_time() {
-        for name in ["a1", "tempo (bpm)", "T", "time constant", "timer"] {
+        for name in [
+            "a1",
+            "tempo (bpm)",
+            "T",
+            "time constant",
+            "timer",
+            "T [N]",
+            "T [°C]",
+            "ms",
+            "X_Value [N]",
+        ] {
             let channels = [channel(name, None), channel("b", None)];
             assert_eq!(find(&channels, |_| false), None, "{name}");
         }
         // A torque or a temperature behind the first column, and a channel that a sensor names.
         let channels = [channel("a1", None), channel("t", None)];
         assert_eq!(find(&channels, |_| false), None);
+        for (name, stated) in [("X_Value", None), ("Seconds", None), ("T", Some("s"))] {
+            let channels = [channel("a1", None), channel(name, stated)];
+            assert_eq!(find(&channels, |_| false), None, "{name}");
+        }
         let channels = [channel("tempo", None), channel("Time", None)];
         assert_eq!(find(&channels, |_| false), Some(1));
         assert_eq!(find(&channels, |i| i == 1), Some(0));

@@ -111,9 +111,14 @@ pub(super) fn scaled(
     Some(if negative { -value } else { value })
 }
 
-/// The exponent of a number, of at most two digits, and the text before it.
+/// `true` of the sign before an exponent.
+pub(super) fn is_exponent(byte: u8) -> bool {
+    matches!(byte, b'e' | b'E' | b'd' | b'D')
+}
+
+/// The exponent of a number, of at most two digits, and the text before it; Fortran writes a `D`.
 pub(super) fn split_exponent(text: &[u8]) -> Option<(&[u8], i32)> {
-    let at = text.iter().rposition(|byte| matches!(byte, b'e' | b'E'))?;
+    let at = text.iter().rposition(|byte| is_exponent(*byte))?;
     let (before, exponent) = (text.get(..at)?, text.get(at + 1..)?);
     let (negative, digits) = match exponent {
         [b'-', digits @ ..] => (true, digits),
@@ -274,8 +279,11 @@ mod tests {
             "1e22",
             "1e-22",
         ] {
-            let found = read_scaled(text).map(f64::to_bits);
-            assert_eq!(found, text.parse().ok().map(f64::to_bits), "{text}");
+            let expected = text.parse().ok().map(f64::to_bits);
+            for sign in ["e", "E", "d", "D"] {
+                let found = read_scaled(&text.replace('e', sign)).map(f64::to_bits);
+                assert_eq!(found, expected, "{text}");
+            }
         }
     }
 

@@ -132,7 +132,8 @@ pub(super) fn bare(unit: &str) -> &str {
 pub(super) fn number(field: &[u8], decimal: u8) -> Option<f64> {
     // As long as the longest number that anybody prints.
     const LONGEST: usize = 64;
-    if decimal == b'.' || !field.contains(&decimal) {
+    let of_fortran = |byte: &u8| matches!(byte, b'd' | b'D');
+    if (decimal == b'.' || !field.contains(&decimal)) && !field.iter().any(of_fortran) {
         let has_point = decimal != b'.' && field.contains(&b'.');
         let text = std::str::from_utf8(field).ok().filter(|_| !has_point)?;
         return text.parse().ok();
@@ -141,8 +142,9 @@ pub(super) fn number(field: &[u8], decimal: u8) -> Option<f64> {
     let copy = copy.get_mut(..field.len())?;
     for (slot, byte) in copy.iter_mut().zip(field) {
         *slot = match *byte {
-            b'.' => return None,
             byte if byte == decimal => b'.',
+            b'.' => return None,
+            byte if of_fortran(&byte) => b'e',
             byte => byte,
         };
     }
@@ -468,6 +470,30 @@ fn fit(rows: &[Row], delimiter: u8, decimal: u8, form: &Form) -> Option<Fit> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fortran_writes_exponents_with_a_d() {
+        for (text, decimal, expected) in [
+            ("-1.25D-01", b'.', Some(-0.125)),
+            ("1.25d+3", b'.', Some(1250.0)),
+            ("-1,25D-01", b',', Some(-0.125)),
+            ("1.2.5D1", b'.', None),
+            ("1.25D1", b',', None),
+            ("1D", b'.', None),
+            ("Dead", b'.', None),
+            ("1D1D1", b'.', None),
+        ] {
+            assert_eq!(number(text.as_bytes(), decimal), expected, "{text}");
+        }
+        check(
+            "a,b\n1.5D+00,-2.0D-01\n2.5D+00,3D0\n",
+            (',', '.', 1, false, None),
+        );
+        check(
+            "a;b\n1,5D+00;-2,0D-01\n2,5D+00;3D0\n",
+            (';', ',', 1, false, None),
+        );
+    }
 
     fn of(text: &str, form: &Form) -> Result<Dialect, String> {
         let dialect = Dialect::of(text.as_bytes(), true, form, Path::new("x.csv"));
