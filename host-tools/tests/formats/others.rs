@@ -118,6 +118,48 @@ fn pyuff() {
     assert_eq!(recording.in_file()[1].direction, Some([-1.0, 0.0, 0.0]));
 }
 
+/// Structs as Simcenter Testlab exports them, and those that people make themselves.
+#[test]
+fn structs_of_mat_files() {
+    check("testlab.mat", NAMES, 0.0);
+    let recording = Recording::open(&fixture("testlab.mat"), &NAMES).unwrap();
+    let units = NAMES.map(|name| recording.unit(name));
+    assert_eq!(units, [Some("m/s^2"), Some("g"), Some("N")]);
+    // Numbers beside the samples are no channels.
+    assert_eq!(recording.in_file().len(), 3);
+    let mut notes = Vec::new();
+    recording.notice_columns(&mut notes);
+    let notes = notes.join("\n");
+    for note in [
+        "variable `slow` not read: 256 samples per second, and those before it have 512",
+        "variable `spectrum` not read: its numbers are those over Hz, of no time",
+    ] {
+        assert!(notes.contains(note), "{notes}");
+    }
+    check("testlab-group.mat", NAMES, 0.0);
+
+    check(
+        "struct.mat",
+        ["data.acc.a1", "data.acc.a2", "data.force(1).fx"],
+        0.0,
+    );
+    let recording = Recording::open(&fixture("struct.mat"), &[]).unwrap();
+    let names: Vec<_> = recording.in_file().iter().map(|c| &*c.name).collect();
+    let all = [
+        "data.acc.a1",
+        "data.acc.a2",
+        "data.acc.t",
+        "data.force(1).fx",
+        "data.force(2).fx",
+    ];
+    assert_eq!(names, all);
+    let mut notes = Vec::new();
+    recording.notice_columns(&mut notes);
+    let notes = notes.join("\n");
+    let complex = "variable `data.settings.sine` not read: its numbers are complex";
+    assert!(notes.contains(complex), "{notes}");
+}
+
 #[test]
 fn scipy_mat() {
     for name in ["matrix.mat", "matrix-plain.mat"] {

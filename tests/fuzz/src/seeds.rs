@@ -439,6 +439,11 @@ fn recordings() -> Vec<Vec<u8>> {
         (2, include_bytes!("../../fixtures/formats/binary.uff")),
         (2, include_bytes!("../../fixtures/formats/vectors.mat")),
         (2, include_bytes!("../../fixtures/formats/single.mat")),
+        (
+            2,
+            include_bytes!("../../fixtures/formats/testlab-group.mat"),
+        ),
+        (2, include_bytes!("../../fixtures/formats/struct.mat")),
         (2, include_bytes!("../../fixtures/formats/vectors.h5")),
         (2, include_bytes!("../../fixtures/formats/tree.h5")),
         (2, include_bytes!("../../fixtures/formats/growing.h5")),

@@ -1,4 +1,4 @@
-//! The elements of a MAT file of version 5: variables, and the numbers in them.
+//! The elements of a MAT file of version 5: variables, fields of structs among them, and the numbers in them.
 
 use crate::limits;
 use crate::recording::bytes::{Bytes, Part};
@@ -11,11 +11,22 @@ use std::rc::Rc;
 
 /// Bytes of the header of a file.
 const HEADER: u64 = 128;
-/// Most bytes of a name. MATLAB allows 63.
+/// Most bytes of a name, which MATLAB allows 63, and of a text.
 const NAME: u32 = 4096;
+/// Structs and cells within each other.
+const DEPTH: u32 = 16;
 /// Kinds of an element.
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+
+/// Numeric variables of a file, texts within its structs, and notes on what is not read. Names of fields stand behind
+/// a point (`Signal.y_values.values`), places in arrays in brackets (`Signal(2).name{1}`).
+#[derive(Default)]
+pub(super) struct Contents {
+    pub(super) variables: Vec<Variable>,
+    pub(super) texts: Vec<(String, String)>,
+    pub(super) notes: Vec<String>,
+}
 
 /// A numeric variable.
 pub(super) struct Variable {
@@ -35,6 +46,7 @@ pub(super) struct Variable {
 enum Wrong {
     Io(io::Error),
     Other(String, &'static str),
+    TooMany,
 }
 
 impl From<io::Error> for Wrong {
@@ -102,6 +114,20 @@ impl Elements<'_> {
         })
     }
 
+    /// The bytes of an element, of which few are expected.
+    fn text(&mut self, tag: &Tag) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let read = (&mut *self.inner)
+            .take(tag.padded)
+            .read_to_end(&mut bytes)?;
+        if (read as u64) < tag.padded {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        self.read += tag.padded;
+        bytes.truncate(tag.length as usize);
+        Ok(bytes)
+    }
+
     fn skip(&mut self, count: u64) -> io::Result<()> {
         skip(self.inner, count)?;
         self.read += count;
@@ -118,11 +144,12 @@ fn skip(from: &mut dyn Read, count: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// The numeric variables of a file, and notes on the others.
-pub(super) fn variables(bytes: &Rc<Bytes>) -> Result<(Vec<Variable>, Vec<String>), RecordingError> {
+/// The variables of a file.
+pub(super) fn contents(bytes: &Rc<Bytes>) -> Result<Contents, RecordingError> {
     let header = bytes.part(HEADER - 2, HEADER);
     let big = header.bytes().next().and_then(Result::ok) == Some(b'M');
-    let (mut variables, mut notes) = (Vec::new(), Vec::new());
+    let mut contents = Contents::default();
+    let mut seen = 0;
     let mut at = HEADER;
     // A file may end with padding that is no tag.
     while at + 8 <= bytes.len {
@@ -149,21 +176,30 @@ pub(super) fn variables(bytes: &Rc<Bytes>) -> Result<(Vec<Variable>, Vec<String>
         }
         let compressed = tag.kind == COMPRESSED;
         let mut inner = content(bytes, [begin, end], compressed);
-        let found = variable(&mut *inner, big, compressed, [begin, end]);
-        match found {
-            Ok(Ok(variable)) => variables.push(Variable { at, ..variable }),
-            Ok(Err(Some(note))) => notes.push(note),
-            Ok(Err(None)) => {}
+        let mut walk = Walk {
+            elements: Elements {
+                inner: &mut *inner,
+                big,
+                read: 0,
+            },
+            at,
+            part: [begin, end],
+            compressed,
+            seen: &mut seen,
+            contents: &mut contents,
+        };
+        match walk.variable() {
+            Ok(()) => {}
             Err(Wrong::Io(e)) => return Err(bytes.damaged(at, &e)),
             Err(Wrong::Other(found, expected)) => {
                 return Err(bytes.malformed(place, "", found, expected));
             }
-        }
-        if variables.len() + notes.len() > limits::COLUMNS {
-            return Err(RecordingError::TooManyColumns {
-                file: bytes.file.clone(),
-                found: variables.len() + notes.len(),
-            });
+            Err(Wrong::TooMany) => {
+                return Err(RecordingError::TooManyColumns {
+                    file: bytes.file.clone(),
+                    found: seen,
+                });
+            }
         }
         // Compressed elements are not padded.
         at = if compressed {
@@ -172,124 +208,287 @@ pub(super) fn variables(bytes: &Rc<Bytes>) -> Result<(Vec<Variable>, Vec<String>
             end.next_multiple_of(8)
         };
     }
-    Ok((variables, notes))
+    Ok(contents)
 }
 
-/// Reads a variable up to its numbers; or a note where it has none that are read.
-fn variable(
-    inner: &mut dyn Read,
-    big: bool,
-    compressed: bool,
+/// A way through the bytes of a variable.
+struct Walk<'a> {
+    elements: Elements<'a>,
+    /// First byte of the variable in the file.
+    at: u64,
     part: [u64; 2],
-) -> Result<Result<Variable, Option<String>>, Wrong> {
-    let mut elements = Elements {
-        inner,
-        big,
-        read: 0,
-    };
-    let mut size = part[1] - part[0];
-    if compressed {
-        let tag = elements.tag()?;
-        if tag.kind != MATRIX {
-            let found = format!("an element of type {} within a compressed one", tag.kind);
-            return Err(Wrong::Other(found, "a variable (14)"));
+    compressed: bool,
+    /// Matrices of the file so far.
+    seen: &'a mut usize,
+    contents: &'a mut Contents,
+}
+
+/// Type, form and name of a matrix.
+struct Head {
+    class: u32,
+    /// `true` if its numbers are complex.
+    complex: bool,
+    dimensions: [u64; 2],
+    /// `true` if it has more than two.
+    deep: bool,
+    name: String,
+}
+
+impl Walk<'_> {
+    /// Reads a variable; the bytes of its numbers are left out.
+    fn variable(&mut self) -> Result<(), Wrong> {
+        self.count()?;
+        let mut size = self.part[1] - self.part[0];
+        if self.compressed {
+            let tag = self.elements.tag()?;
+            if tag.kind != MATRIX {
+                let found = format!("an element of type {} within a compressed one", tag.kind);
+                return Err(Wrong::Other(found, "a variable (14)"));
+            }
+            size = u64::from(tag.length) + 8;
         }
-        size = u64::from(tag.length) + 8;
-    }
-    if size < 16 {
-        // The workspace of functions, and variables without anything.
-        return Ok(Err(None));
-    }
-    let flags = elements.tag()?;
-    if (flags.kind, flags.length) != (6, 8) {
-        let found = format!(
-            "an element of type {} and {} bytes",
-            flags.kind, flags.length
-        );
-        return Err(Wrong::Other(found, "the flags of a variable (6, 8 bytes)"));
-    }
-    let class = elements.u32()?;
-    elements.u32()?;
-    let shape = elements.tag()?;
-    if shape.kind != 5 || shape.length < 8 || shape.length % 4 != 0 {
-        let found = format!(
-            "an element of type {} and {} bytes",
-            shape.kind, shape.length
-        );
-        return Err(Wrong::Other(found, "the dimensions of a variable (5)"));
-    }
-    let dimensions = [elements.u32()?, elements.u32()?].map(u64::from);
-    elements.skip(shape.padded - 8)?;
-    let name = elements.tag()?;
-    if name.kind != 1 || name.length > NAME {
-        let found = format!("an element of type {} and {} bytes", name.kind, name.length);
-        return Err(Wrong::Other(found, "the name of a variable (1)"));
-    }
-    let mut text = vec![0; name.padded as usize];
-    elements.inner.read_exact(&mut text)?;
-    elements.read += name.padded;
-    text.truncate(name.length as usize);
-    let name: String = text.into_iter().map(char::from).collect();
-    let not_read = |kind: &str| {
-        let name = crate::printable::quoted(&name);
-        Ok(Err(Some(format!("variable `{name}` not read: {kind}"))))
-    };
-    match class & 0xff {
-        6..=15 if shape.length > 8 => return not_read("it has more than two dimensions"),
-        6..=15 if class & 0x800 != 0 => return not_read("its numbers are complex"),
-        6..=15 => {}
-        1 => return not_read("a cell array"),
-        2 => return not_read("a struct"),
-        3 => return not_read("an object"),
-        4 => return not_read("text"),
-        5 => return not_read("a sparse matrix"),
-        _ => return not_read("a function or an object"),
-    }
-    let Some(count) = dimensions[0].checked_mul(dimensions[1]).filter(|n| *n > 0) else {
-        return not_read("it is empty");
-    };
-    let data = elements.tag()?;
-    let kind = match data.kind {
-        1 => Kind::I8,
-        2 => Kind::U8,
-        3 => Kind::I16,
-        4 => Kind::U16,
-        5 => Kind::I32,
-        6 => Kind::U32,
-        7 => Kind::F32,
-        9 => Kind::F64,
-        12 => Kind::I64,
-        13 => Kind::U64,
-        other => {
-            let found = format!("numbers of type {other} in variable `{name}`");
-            return Err(Wrong::Other(found, "a type of number"));
+        if size < 16 {
+            // The workspace of functions, and variables without anything.
+            return Ok(());
         }
-    };
-    let needed = count.checked_mul(kind.size() as u64);
-    if needed.is_none_or(|needed| needed > u64::from(data.length)) {
-        let [rows, columns] = dimensions;
-        let found = format!(
-            "{} bytes for {rows} x {columns} numbers of `{name}`",
-            data.length
-        );
-        return Err(Wrong::Other(found, "as many as they take"));
+        self.matrix(size, None, 0)
     }
-    if elements.read + u64::from(data.length) > size {
-        let found = format!(
-            "{} bytes of numbers in `{name}`, more than the variable has",
-            data.length
-        );
-        return Err(Wrong::Other(found, "as many as are there"));
+
+    /// Counts a matrix.
+    fn count(&mut self) -> Result<(), Wrong> {
+        *self.seen += 1;
+        if *self.seen > limits::COLUMNS {
+            return Err(Wrong::TooMany);
+        }
+        Ok(())
     }
-    Ok(Ok(Variable {
-        name,
-        dimensions,
-        at: 0,
-        part,
-        compressed,
-        coding: Coding { kind, big },
-        lead: elements.read,
-    }))
+
+    /// Reads a matrix that ends after `end` bytes of the variable: one within another at a path, or the variable itself.
+    fn matrix(&mut self, end: u64, path: Option<String>, depth: u32) -> Result<(), Wrong> {
+        let head = self.head()?;
+        let within = path.is_some();
+        let name = path.unwrap_or(head.name);
+        let [rows, columns] = head.dimensions;
+        let count = rows.checked_mul(columns);
+        let mut not_read = |kind: &str| {
+            let name = crate::printable::quoted(&name);
+            let note = format!("variable `{name}` not read: {kind}");
+            self.contents.notes.push(note);
+            Ok(())
+        };
+        match head.class {
+            1 | 2 if depth == DEPTH => return not_read("it lies in too many others"),
+            1 | 2 | 6..=15 if head.deep => return not_read("it has more than two dimensions"),
+            6..=15 if head.complex => return not_read("its numbers are complex"),
+            1 | 2 | 4 if within && count == Some(0) => return Ok(()),
+            1 => return self.cells(end, &name, count, depth),
+            2 => return self.fields(end, &name, count, depth),
+            3 => return not_read("an object"),
+            4 if within => return self.text(name, head.dimensions),
+            4 => return not_read("text"),
+            5 => return not_read("a sparse matrix"),
+            6..=15 => {}
+            _ => return not_read("a function or an object"),
+        }
+        let Some(count) = count.filter(|n| *n > 0) else {
+            return if within {
+                Ok(())
+            } else {
+                not_read("it is empty")
+            };
+        };
+        let (kind, length) = self.numbers(&name)?;
+        let needed = count.checked_mul(kind.size() as u64);
+        if needed.is_none_or(|needed| needed > length) {
+            let found = format!("{length} bytes for {rows} x {columns} numbers of `{name}`");
+            return Err(Wrong::Other(found, "as many as they take"));
+        }
+        if self.elements.read + length > end {
+            let found =
+                format!("{length} bytes of numbers in `{name}`, more than the variable has");
+            return Err(Wrong::Other(found, "as many as are there"));
+        }
+        self.contents.variables.push(Variable {
+            name,
+            dimensions: head.dimensions,
+            at: self.at,
+            part: self.part,
+            compressed: self.compressed,
+            coding: Coding {
+                kind,
+                big: self.elements.big,
+            },
+            lead: self.elements.read,
+        });
+        Ok(())
+    }
+
+    /// Flags, dimensions and name of a matrix.
+    fn head(&mut self) -> Result<Head, Wrong> {
+        let elements = &mut self.elements;
+        let flags = elements.tag()?;
+        if (flags.kind, flags.length) != (6, 8) {
+            let found = format!(
+                "an element of type {} and {} bytes",
+                flags.kind, flags.length
+            );
+            return Err(Wrong::Other(found, "the flags of a variable (6, 8 bytes)"));
+        }
+        let class = elements.u32()?;
+        elements.u32()?;
+        let shape = elements.tag()?;
+        if shape.kind != 5 || shape.length < 8 || shape.length % 4 != 0 {
+            let found = format!(
+                "an element of type {} and {} bytes",
+                shape.kind, shape.length
+            );
+            return Err(Wrong::Other(found, "the dimensions of a variable (5)"));
+        }
+        let dimensions = [elements.u32()?, elements.u32()?].map(u64::from);
+        elements.skip(shape.padded - 8)?;
+        let name = elements.tag()?;
+        if name.kind != 1 || name.length > NAME {
+            let found = format!("an element of type {} and {} bytes", name.kind, name.length);
+            return Err(Wrong::Other(found, "the name of a variable (1)"));
+        }
+        let name = elements.text(&name)?;
+        Ok(Head {
+            class: class & 0xff,
+            complex: class & 0x800 != 0,
+            dimensions,
+            deep: shape.length > 8,
+            name: name.into_iter().map(char::from).collect(),
+        })
+    }
+
+    /// Kind of numbers and their bytes.
+    fn numbers(&mut self, name: &str) -> Result<(Kind, u64), Wrong> {
+        let data = self.elements.tag()?;
+        let kind = match data.kind {
+            1 => Kind::I8,
+            2 => Kind::U8,
+            3 => Kind::I16,
+            4 => Kind::U16,
+            5 => Kind::I32,
+            6 => Kind::U32,
+            7 => Kind::F32,
+            9 => Kind::F64,
+            12 => Kind::I64,
+            13 => Kind::U64,
+            other => {
+                let found = format!("numbers of type {other} in variable `{name}`");
+                return Err(Wrong::Other(found, "a type of number"));
+            }
+        };
+        Ok((kind, u64::from(data.length)))
+    }
+
+    /// Reads a line of text.
+    fn text(&mut self, name: String, [rows, _]: [u64; 2]) -> Result<(), Wrong> {
+        let tag = self.elements.tag()?;
+        if rows != 1 || tag.length > NAME {
+            return Ok(());
+        }
+        let bytes = self.elements.text(&tag)?;
+        let big = self.elements.big;
+        let text = match tag.kind {
+            // Characters of two bytes.
+            4 | 17 => {
+                let (pairs, _) = bytes.as_chunks::<2>();
+                let units: Vec<u16> = pairs
+                    .iter()
+                    .map(|pair| match big {
+                        true => u16::from_be_bytes(*pair),
+                        false => u16::from_le_bytes(*pair),
+                    })
+                    .collect();
+                String::from_utf16_lossy(&units)
+            }
+            _ => String::from_utf8_lossy(&bytes).into_owned(),
+        };
+        self.contents.texts.push((name, text));
+        Ok(())
+    }
+
+    /// Reads the matrices of a cell array.
+    fn cells(&mut self, end: u64, name: &str, count: Option<u64>, depth: u32) -> Result<(), Wrong> {
+        for n in 1..=count.unwrap_or(u64::MAX) {
+            self.inner(end, format!("{name}{{{n}}}"), depth)?;
+        }
+        Ok(())
+    }
+
+    /// Reads the matrices of a struct, or of an array of them.
+    fn fields(
+        &mut self,
+        end: u64,
+        name: &str,
+        count: Option<u64>,
+        depth: u32,
+    ) -> Result<(), Wrong> {
+        let tag = self.elements.tag()?;
+        let length = self.elements.text(&tag)?;
+        let length = <[u8; 4]>::try_from(length).map(|bytes| match self.elements.big {
+            true => u32::from_be_bytes(bytes),
+            false => u32::from_le_bytes(bytes),
+        });
+        let names = self.elements.tag()?;
+        // A struct without fields has a length of their names, and none of them.
+        let length = match length {
+            Ok(length @ 1..=NAME) if names.length <= NAME * NAME => length as usize,
+            _ => {
+                let found = format!("{} bytes of names of `{name}`", names.length);
+                return Err(Wrong::Other(found, "names of fields, 1 to 4096 bytes each"));
+            }
+        };
+        let names: Vec<String> = self
+            .elements
+            .text(&names)?
+            .chunks(length)
+            .map(|name| {
+                let name = name.split(|byte| *byte == 0).next().unwrap_or(name);
+                name.iter().copied().map(char::from).collect()
+            })
+            .collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        for n in 1..=count.unwrap_or(u64::MAX) {
+            for field in &names {
+                let path = match count {
+                    Some(1) => format!("{name}.{field}"),
+                    _ => format!("{name}({n}).{field}"),
+                };
+                self.inner(end, path, depth)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a matrix within another one, which ends after `end` bytes of the variable.
+    fn inner(&mut self, end: u64, path: String, depth: u32) -> Result<(), Wrong> {
+        self.count()?;
+        let tag = self.elements.tag()?;
+        let own = self.elements.read + u64::from(tag.length);
+        if tag.kind != MATRIX || own > end {
+            let path = crate::printable::quoted(&path);
+            let found = format!(
+                "an element of type {} and {} bytes at `{path}`",
+                tag.kind, tag.length
+            );
+            return Err(Wrong::Other(found, "a matrix (14) within the variable"));
+        }
+        // What is empty may have nothing but its tag.
+        if tag.length > 0 {
+            self.matrix(own, Some(path), depth + 1)?;
+        }
+        let read = self.elements.read;
+        let left = own.checked_sub(read).ok_or_else(|| {
+            let found = format!("{read} bytes of a matrix that ends after {own}");
+            Wrong::Other(found, "as many as it states")
+        })?;
+        Ok(self.elements.skip(left)?)
+    }
 }
 
 /// Numbers of a variable at even distances.

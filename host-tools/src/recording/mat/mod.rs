@@ -1,7 +1,8 @@
 //! MAT files of version 5 (to which MATLAB's `-v6` and `-v7` belong): numeric vectors, one a
-//! channel, and matrices of samples and channels.
+//! channel, and matrices of samples and channels, which may be fields of structs.
 
 mod elements;
+mod testlab;
 
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
@@ -9,9 +10,15 @@ use super::rate;
 use super::source::{Channel, Place, StatedRate};
 use super::{Format, Mismatch, RecordingError};
 use crate::limits;
-use crate::printable::printable;
-use elements::{Numbers, Variable};
+use crate::printable::{printable, quoted};
+use elements::{Contents, Numbers, Variable};
 use std::rc::Rc;
+use testlab::{Part, Signal, Signals};
+
+/// Relative difference of two sample rates that are the same.
+const SAME: f64 = 1e-6;
+/// Names of the field of a struct that is time, in lower case.
+const TIMES: [&str; 2] = ["time", "t"];
 
 /// The format.
 pub(super) const FORMAT: Format = Format {
@@ -34,38 +41,36 @@ struct Slice {
     stride: u64,
 }
 
-fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
-    let (variables, mut notes) = elements::variables(&bytes)?;
-    let mut rate = None;
-    let mut channels = Vec::new();
-    let mut slices = Vec::new();
-    for (number, variable) in variables.iter().enumerate() {
+/// The channels of a file, and the numbers of each.
+#[derive(Default)]
+struct Channels {
+    channels: Vec<Channel>,
+    slices: Vec<Slice>,
+    rate: Option<StatedRate>,
+    notes: Vec<String>,
+}
+
+impl Channels {
+    /// Takes the numbers of a variable, whose samples go along the longer side.
+    fn add(
+        &mut self,
+        bytes: &Bytes,
+        (number, variable): (usize, &Variable),
+        labels: impl FnOnce(usize) -> Vec<(String, Option<String>)>,
+    ) -> Result<(), RecordingError> {
         let [rows, across] = variable.dimensions;
-        let name = printable(&variable.name).into_owned();
-        if rows * across <= 1 {
-            rate = rate.or(stated_rate(&bytes, variable)?);
-            continue;
-        }
-        // Samples go along the longer side.
-        let [count, others] = if rows >= across {
-            [rows, across]
-        } else {
-            [across, rows]
-        };
-        if channels.len() as u64 + others > limits::COLUMNS as u64 {
+        let (count, others) = (rows.max(across), rows.min(across));
+        if self.channels.len() as u64 + others > limits::COLUMNS as u64 {
             return Err(RecordingError::TooManyColumns {
                 file: bytes.file.clone(),
-                found: channels.len().saturating_add(others as usize),
+                found: self.channels.len().saturating_add(others as usize),
             });
         }
-        for other in 0..others {
-            let name = match others {
-                1 => name.clone(),
-                _ => format!("{name}:{}", other + 1),
-            };
-            channels.push(Channel {
-                name,
-                ..Channel::default()
+        for (other, (name, unit)) in (0..).zip(labels(others as usize)) {
+            self.channels.push(Channel {
+                name: printable(&name).into_owned(),
+                unit: unit.map(|unit| printable(&unit).into_owned()),
+                direction: None,
             });
             // Numbers lie column by column.
             let [first, stride] = if rows >= across {
@@ -73,14 +78,74 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
             } else {
                 [other, rows]
             };
-            slices.push(Slice {
+            self.slices.push(Slice {
                 variable: number,
                 first,
                 count,
                 stride,
             });
         }
+        Ok(())
     }
+
+    /// Takes a signal of Testlab, if its samples are those of the same times as others.
+    fn add_signal(
+        &mut self,
+        bytes: &Bytes,
+        variable: (usize, &Variable),
+        (owner, signal): (&str, &Signal),
+    ) -> Result<(), RecordingError> {
+        let mut not_read = |why: String| {
+            let name = quoted(owner);
+            let note = format!("variable `{name}` not read: {why}");
+            self.notes.push(note);
+            Ok(())
+        };
+        let Some(rate) = signal.rate else {
+            let unit = quoted(&signal.abscissa);
+            return not_read(format!("its numbers are those over {unit}, of no time"));
+        };
+        let first = self.rate.get_or_insert(StatedRate {
+            value: rate,
+            place: "an increment beside its samples",
+        });
+        if (rate / first.value - 1.0).abs() > SAME {
+            let own = crate::format::plain(first.value, 7);
+            return not_read(format!(
+                "{} samples per second, and those before it have {own}",
+                crate::format::plain(rate, 7)
+            ));
+        }
+        self.add(bytes, variable, |count| signal.labels(owner, count))
+    }
+}
+
+fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
+    let contents = elements::contents(&bytes)?;
+    let signals = Signals::of(&bytes, &contents)?;
+    let mut found = Channels::default();
+    for variable in contents.variables.iter().enumerate() {
+        let name = &variable.1.name;
+        let is_scalar = variable.1.dimensions == [1, 1];
+        match signals.part(name) {
+            Some(Part::Samples(owner, signal)) => {
+                found.add_signal(&bytes, variable, (owner, signal))?;
+            }
+            Some(Part::Beside) => {}
+            None if is_scalar => found.rate = found.rate.or(stated_rate(&bytes, variable.1)?),
+            None => found.add(&bytes, variable, |count| match count {
+                1 => vec![(name.clone(), None)],
+                _ => (1..=count).map(|n| (format!("{name}:{n}"), None)).collect(),
+            })?,
+        }
+    }
+    let Contents {
+        variables,
+        mut notes,
+        ..
+    } = contents;
+    notes.extend(found.notes);
+    let (channels, slices, rate) = (found.channels, found.slices, found.rate);
     let Some(samples) = most_common(slices.iter().map(|slice| slice.count)) else {
         return Err(RecordingError::Malformed {
             file: bytes.file.clone(),
@@ -89,10 +154,15 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
                 channel: String::new(),
                 found: "no numeric vector or matrix".to_owned(),
                 expected: "vectors, one a channel, or a matrix of samples and channels".to_owned(),
-                advice: "save the samples as such variables: those within a struct or a cell are not read",
+                advice: "save the samples as such variables, or as fields of a struct",
             }),
         });
     };
+    let is_time = |(channel, slice): (&Channel, &Slice)| {
+        let (_, field) = channel.name.rsplit_once('.').unwrap_or_default();
+        slice.count == samples && TIMES.contains(&&*field.to_lowercase())
+    };
+    let time = channels.iter().zip(&slices).position(is_time);
     let form = format!("MAT file of version 5, {} variables", variables.len());
     notes.dedup();
     let labels: Vec<String> = channels.iter().map(|c| c.name.clone()).collect();
@@ -116,7 +186,7 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         positions: Vec::new(),
         samples,
         rate,
-        time: None,
+        time,
         form,
         notes,
         open: Box::new(open),
@@ -129,14 +199,13 @@ fn stated_rate(
     bytes: &Rc<Bytes>,
     variable: &Variable,
 ) -> Result<Option<StatedRate>, RecordingError> {
-    if variable.dimensions != [1, 1] {
-        return Ok(None);
-    }
     let number = Numbers::new(bytes, variable, 0, 1, &variable.name)?.next()?;
-    Ok(
-        rate::stated(&variable.name, || Some(number)).map(|value| StatedRate {
-            value,
-            place: "a scalar beside its samples",
-        }),
-    )
+    let (_, name) = variable
+        .name
+        .rsplit_once('.')
+        .unwrap_or(("", &variable.name));
+    Ok(rate::stated(name, || Some(number)).map(|value| StatedRate {
+        value,
+        place: "a scalar beside its samples",
+    }))
 }
