@@ -50,6 +50,27 @@ impl Source {
     }
 }
 
+impl Source {
+    /// The remedy for a value at this byte that is a word without quotes.
+    fn without_quotes(&self, offset: usize) -> Option<String> {
+        let bytes = self.text.as_bytes();
+        let before = bytes.get(..offset)?.iter().rposition(|b| *b == b'\n');
+        let begin = before.map_or(0, |end| end + 1);
+        let line = self.text.get(begin..)?.lines().next()?;
+        let (key, value) = line.split_once('=')?;
+        let value = value.split('#').next().unwrap_or(value).trim();
+        let is_word = |c: char| c.is_alphanumeric() || " _.-/:+".contains(c);
+        let is_text = value.starts_with(char::is_alphabetic) && value.chars().all(is_word);
+        is_text.then(|| {
+            format!(
+                "text stands in quotes, `{} = \"{}\"`",
+                quoted(key.trim()),
+                quoted(value)
+            )
+        })
+    }
+}
+
 /// The keys of a document.
 pub(crate) trait Keys: DeserializeOwned {
     /// Keys that cannot be left out, each with what to write.
@@ -64,13 +85,17 @@ pub(crate) struct Document<'a> {
 
 impl<'a> Document<'a> {
     pub(crate) fn new(source: &'a Source) -> Result<Self, DocumentError> {
-        let table = DeTable::parse(&source.text).map_err(|e| DocumentError::Syntax {
-            place: Box::new(Place {
-                file: source.file.clone(),
-                line: e.span().map(|span| source.line(span.start)),
-                section: String::new(),
-            }),
-            message: quoted(e.message()),
+        let table = DeTable::parse(&source.text).map_err(|e| {
+            let start = e.span().map(|span| span.start);
+            let hint = start.and_then(|start| source.without_quotes(start));
+            DocumentError::Syntax {
+                place: Box::new(Place {
+                    file: source.file.clone(),
+                    line: start.map(|start| source.line(start)),
+                    section: String::new(),
+                }),
+                message: hint.unwrap_or_else(|| quoted(e.message())),
+            }
         })?;
         Ok(Self { source, table })
     }

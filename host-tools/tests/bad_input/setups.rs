@@ -84,6 +84,9 @@ fn setups_that_say_something_else() {
         .setup("[processing]", "[processing")
         .refused_input("setup.toml, line 6 … this is not TOML");
     Bench::fork()
+        .setup("excitation = \"random\"", "excitation = random")
+        .refused_input("setup.toml, line … text stands in quotes, `excitation = \"random\"`");
+    Bench::fork()
         .write("setup.toml", [0xff, 0, 7])
         .refused_input("setup.toml … not UTF-8 … save the file as UTF-8");
     Bench::fork()

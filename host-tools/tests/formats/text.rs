@@ -246,6 +246,13 @@ fn a_comma_that_could_be_either_is_refused() {
     );
 }
 
+/// Head of a matrix `a1` of 100 rows, as `scipy.io.savemat` writes it with `format="4"`.
+fn mat_4(bytes: fn(u32) -> [u8; 4]) -> Vec<u8> {
+    let big = bytes(1) == 1_u32.to_be_bytes();
+    let words = [if big { 1000 } else { 0 }, 100, 1, 0, 3].map(bytes);
+    [words.as_flattened(), b"a1\0", &[0; 800]].concat()
+}
+
 #[test]
 fn files_of_other_kinds_are_refused_with_the_way_out() {
     let zip = |name: &str| {
@@ -266,6 +273,21 @@ fn files_of_other_kinds_are_refused_with_the_way_out() {
             b"CDF\x01\0\0\0\0".to_vec(),
             "netCDF file of version 3 … nccopy -k nc4",
         ),
+        (zip("a.npy"), "archive of NumPy (.npz) … as CSV"),
+        (
+            b"\x93NUMPY\x01\0v\0".to_vec(),
+            "array of NumPy (.npy) … as CSV",
+        ),
+        (
+            b"BZh91AY&SY".to_vec(),
+            "compressed by bzip2; unpack it first",
+        ),
+        (
+            b"\xfd7zXZ\0\0".to_vec(),
+            "compressed by xz; unpack it first",
+        ),
+        (mat_4(u32::to_le_bytes), "MAT file of version 4 … '-v7'"),
+        (mat_4(u32::to_be_bytes), "MAT file of version 4 … '-v7'"),
     ] {
         Bench::fork()
             .write(RECORDINGS[0], bytes)
