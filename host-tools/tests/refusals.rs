@@ -133,6 +133,38 @@ fn one_load_cell_reversed_is_refused() {
     assert_ne!(setup.document(&[], 1)["plausible"]["ok"], true);
 }
 
+/// The setup without the sections of some sensors.
+fn without(text: &str, which: impl Fn(&str) -> bool) -> String {
+    let sections: Vec<&str> = text
+        .split("\n[[")
+        .filter(|section| !section.contains("direction = [") || !which(section))
+        .collect();
+    sections.join("\n[[")
+}
+
+/// What nothing measures is looked for in the others, so that it is said first.
+#[test]
+fn a_load_cell_without_an_entry_is_said_first() {
+    let fact = "`cell1.z` is called like the load cells and has no [[load_cell]]";
+    let setup = Setup::satellite("unlisted", |t| without(t, is("cell1.z")));
+    is_refused(&setup, &[fact, "or else: "]);
+    // Along one axis the other three balance like a lighter body.
+    let along_z = Setup::satellite("unlisted-z", |t| {
+        let listed = without(t, is("cell1.z"));
+        let (sensors, _) = listed.split_once("\n[[run]]").unwrap();
+        let z = listed.split("\n[[run]]").nth(3).unwrap();
+        format!("{sensors}\n[[run]]{z}")
+    });
+    along_z.run(&["--anyway"]).says(fact);
+    let all = Setup::satellite("listed", |t| t.to_owned() + "\n");
+    let finished = all.run(&[]);
+    assert!(
+        !finished.stderr.contains("called like"),
+        "{}",
+        finished.stderr
+    );
+}
+
 #[test]
 fn one_interface_accelerometer_inverted_is_refused() {
     let setup = Setup::satellite("accelerometer", |t| reversed(t, is("base1.x")));

@@ -253,6 +253,12 @@ pub(super) fn with_progress(
                 });
             }
         }
+        // What is missing is looked for in others.
+        if let Some(refused) = &mut answer.refused
+            && let Some(unlisted) = answer.measurement.unlisted_cells()
+        {
+            refused.remedy = format!("{unlisted}; or else: {}", refused.remedy);
+        }
         Ok((answer, findings))
     })
 }

@@ -393,15 +393,17 @@ impl<'s> Session<'s> {
         Ok(detective::examine(setup, &measurement, &channels)?)
     }
 
-    /// What the examination of the sensors does not see, in words: forces that change within runs, and forces or
-    /// accelerations that are coupled to alternating current. None where the data allow no answer.
+    /// What the examination of the sensors does not see, in words: load cells without an entry in the setup, forces that
+    /// change within runs, and forces or accelerations that are coupled to alternating current. None where the data allow no answer.
     pub fn notes(&mut self, progress: OnProgress<'_>) -> Vec<String> {
         let Ok(answer) = self.answer(&Choice::default(), progress) else {
             return Vec::new();
         };
         let drift = drift::in_words(&answer.drifts, &answer.measurement);
         let coupling = answer.coupling.as_ref().map(Coupling::warning);
-        drift.into_iter().chain(coupling).collect()
+        let unlisted = answer.measurement.unlisted_cells();
+        let told = [unlisted, drift, coupling];
+        told.into_iter().flatten().collect()
     }
 
     /// The setup this session is about.

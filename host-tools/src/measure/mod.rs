@@ -26,6 +26,7 @@ mod survey;
 mod together;
 mod unexplained;
 mod units;
+mod unlisted;
 
 pub use crate::setup::WINDOW;
 pub use blocks::BlockStorage;
@@ -49,6 +50,7 @@ pub use sine::MeasuredSine;
 pub use survey::{Survey, SurveyedRun, survey, survey_first};
 pub(crate) use together::together;
 
+use crate::recording::some_of;
 use crate::setup::{Excitation, Setup};
 use massline_core::spectra::{BlockSettings, LineGrid, LineRange};
 use std::collections::HashMap;
@@ -108,8 +110,28 @@ pub struct Measurement {
     pub noise: Vec<RunNoise>,
     /// `true` if a recording states the unit of an accelerometer or load cell.
     pub units_in_recordings: bool,
+    /// Channels of the recordings that look like load cells and have no entry in the setup.
+    pub unlisted: Vec<String>,
     /// Warnings to the user.
     pub warnings: Vec<String>,
+}
+
+impl Measurement {
+    /// Load cells that the setup may have forgotten, in words; `None` where there are none.
+    #[must_use]
+    pub fn unlisted_cells(&self) -> Option<String> {
+        (!self.unlisted.is_empty()).then(|| {
+            let names: Vec<String> = self.unlisted.iter().map(|n| format!("`{n}`")).collect();
+            let (names, one) = (some_of(names.iter()), names.len() == 1);
+            format!(
+                "{names} {} called like the load cells and {} no [[load_cell]]: the force {} is missing, if the structure stands on {}",
+                if one { "is" } else { "are" },
+                if one { "has" } else { "have" },
+                if one { "that it carries" } else { "that they carry" },
+                if one { "it" } else { "them" },
+            )
+        })
+    }
 }
 
 impl Default for Measurement {
@@ -124,6 +146,7 @@ impl Default for Measurement {
             hop: 0.5,
             noise: Vec::new(),
             units_in_recordings: false,
+            unlisted: Vec::new(),
             warnings: Vec::new(),
         }
     }
@@ -237,6 +260,10 @@ fn assemble(
     }
     measurement.units_in_recordings = noticed.states_units();
     measurement.warnings = noticed.warnings;
+    measurement.unlisted = noticed.unlisted;
+    if let Some(fact) = measurement.unlisted_cells() {
+        measurement.warnings.insert(0, fact);
+    }
     if let Some(settings) = settings {
         measurement.grid = Some(settings.grid());
         measurement.hop = settings.hop() as f64 / settings.block_length() as f64;

@@ -5,6 +5,7 @@
 //! one run in another unit than the others, and a wrong answer without a word.
 
 use super::MeasureError;
+use super::unlisted::unlisted;
 use crate::printable::quoted;
 use crate::recording::{Place, Recording, RecordingError, some_of};
 use crate::setup::{Excitation, Run, Setup, UnitsOfTwo};
@@ -21,6 +22,8 @@ pub(super) struct Noticed {
     pub(super) warnings: Vec<String>,
     /// The units of each channel.
     units: UnitsOfRuns,
+    /// Channels that look like load cells and have no entry in the setup.
+    pub(super) unlisted: Vec<String>,
 }
 
 /// The units of each channel in the runs that were read so far.
@@ -34,6 +37,7 @@ pub(super) struct StatedUnits {
     place: Option<Place>,
     /// In the order of the setup's sensor channels.
     units: Vec<Option<String>>,
+    unlisted: Vec<String>,
 }
 
 impl StatedUnits {
@@ -47,6 +51,7 @@ impl StatedUnits {
             file: recording.file().to_owned(),
             place: recording.names_at(),
             units: channels.map(|c| unit(c).map(str::to_owned)).collect(),
+            unlisted: unlisted(setup, run, recording),
         }
     }
 }
@@ -74,6 +79,11 @@ impl Noticed {
         setup: &Setup,
         stated: &StatedUnits,
     ) -> Result<(), MeasureError> {
+        for name in &stated.unlisted {
+            if !self.unlisted.contains(name) {
+                self.unlisted.push(name.clone());
+            }
+        }
         self.units.add(setup, stated, &mut self.warnings)
     }
 
