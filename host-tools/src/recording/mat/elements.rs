@@ -1,5 +1,6 @@
 //! The elements of a MAT file of version 5: variables, fields of structs among them, and the numbers in them.
 
+use super::inflater::Places;
 use crate::limits;
 use crate::recording::bytes::{Bytes, Part};
 use crate::recording::columns::Series;
@@ -13,6 +14,8 @@ use std::rc::Rc;
 const HEADER: u64 = 128;
 /// Most bytes of a name, which MATLAB allows 63, and of a text.
 const NAME: u32 = 4096;
+/// Unpacked bytes before a channel's numbers that are unpacked again for it.
+const NEAR: u64 = 32 << 10;
 /// Structs and cells within each other.
 const DEPTH: u32 = 16;
 /// Kinds of an element.
@@ -507,20 +510,27 @@ impl Numbers {
     pub(super) fn new(
         bytes: &Rc<Bytes>,
         variable: &Variable,
-        first: u64,
-        stride: u64,
+        (first, stride): (u64, u64),
         channel: &str,
+        places: &Places,
     ) -> Result<Self, RecordingError> {
         let size = variable.coding.kind.size() as u64;
         let lead = variable.lead + first * size;
-        let [mut at, end] = variable.part;
-        if !variable.compressed {
-            at += lead;
-        }
-        let mut inner = content(bytes, [at, end], variable.compressed);
-        if variable.compressed {
-            skip(&mut *inner, lead).map_err(|e| bytes.damaged(variable.at, &e))?;
-        }
+        let [begin, end] = variable.part;
+        let damaged = |e: io::Error| bytes.damaged(variable.at, &e);
+        let inner = match variable.compressed {
+            false => content(bytes, [begin + lead, end], false),
+            // The faster decoder, which no other goes on from.
+            true if lead <= NEAR => {
+                let mut inner = content(bytes, [begin, end], true);
+                skip(&mut *inner, lead).map_err(damaged)?;
+                inner
+            }
+            true => {
+                let inner = places.from(bytes, variable.part, lead);
+                Box::new(inner.map_err(damaged)?)
+            }
+        };
         Ok(Self {
             bytes: Rc::clone(bytes),
             channel: channel.to_owned(),

@@ -2,6 +2,7 @@
 //! channel, and matrices of samples and channels, which may be fields of structs.
 
 mod elements;
+mod inflater;
 mod testlab;
 
 use super::bytes::Bytes;
@@ -12,6 +13,7 @@ use super::{Format, Mismatch, RecordingError};
 use crate::limits;
 use crate::printable::{printable, quoted};
 use elements::{Contents, Numbers, Variable};
+use inflater::Places;
 use std::rc::Rc;
 use testlab::{Part, Signal, Signals};
 
@@ -122,7 +124,8 @@ impl Channels {
 
 fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
     let contents = elements::contents(&bytes)?;
-    let signals = Signals::of(&bytes, &contents)?;
+    let places = Places::default();
+    let signals = Signals::of(&bytes, &contents, &places)?;
     let mut found = Channels::default();
     for variable in contents.variables.iter().enumerate() {
         let name = &variable.1.name;
@@ -132,7 +135,9 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
                 found.add_signal(&bytes, variable, (owner, signal))?;
             }
             Some(Part::Beside) => {}
-            None if is_scalar => found.rate = found.rate.or(stated_rate(&bytes, variable.1)?),
+            None if is_scalar => {
+                found.rate = found.rate.or(stated_rate(&bytes, variable.1, &places)?)
+            }
             None => found.add(&bytes, variable, |count| match count {
                 1 => vec![(name.clone(), None)],
                 _ => (1..=count).map(|n| (format!("{name}:{n}"), None)).collect(),
@@ -178,7 +183,13 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
             let expected = format!("{samples} as the other channels have");
             return Err(bytes.malformed(Place::Byte(variable.at), label, found, expected));
         }
-        let numbers = Numbers::new(&bytes, variable, slice.first, slice.stride, label)?;
+        let numbers = Numbers::new(
+            &bytes,
+            variable,
+            (slice.first, slice.stride),
+            label,
+            &places,
+        )?;
         Ok(Box::new(numbers))
     };
     Ok(Columns {
@@ -198,8 +209,9 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
 fn stated_rate(
     bytes: &Rc<Bytes>,
     variable: &Variable,
+    places: &Places,
 ) -> Result<Option<StatedRate>, RecordingError> {
-    let number = Numbers::new(bytes, variable, 0, 1, &variable.name)?.next()?;
+    let number = Numbers::new(bytes, variable, (0, 1), &variable.name, places)?.next()?;
     let (_, name) = variable
         .name
         .rsplit_once('.')

@@ -9,6 +9,7 @@
 //! | `function_record.name` | names of the channels: a text, or a cell of texts |
 
 use super::elements::{Contents, Numbers, Variable};
+use super::inflater::Places;
 use crate::recording::RecordingError;
 use crate::recording::bytes::Bytes;
 use crate::recording::columns::Series;
@@ -43,7 +44,11 @@ impl Signals {
     ///
     /// # Errors
     /// [`RecordingError`] if an increment cannot be read.
-    pub(super) fn of(bytes: &Rc<Bytes>, contents: &Contents) -> Result<Self, RecordingError> {
+    pub(super) fn of(
+        bytes: &Rc<Bytes>,
+        contents: &Contents,
+        places: &Places,
+    ) -> Result<Self, RecordingError> {
         let owners = |part: &'static str| {
             let names = contents.variables.iter();
             names.filter_map(move |v| Some((v.name.strip_suffix(part)?, v)))
@@ -60,7 +65,8 @@ impl Signals {
                 let text = texts.get(&*format!("{owner}.{field}"))?.trim();
                 (!text.is_empty()).then(|| text.to_owned())
             };
-            let rate = 1.0 / Numbers::new(bytes, increment, 0, 1, &increment.name)?.next()?;
+            let rate =
+                1.0 / Numbers::new(bytes, increment, (0, 1), &increment.name, places)?.next()?;
             let abscissa = text("x_values.quantity.label").unwrap_or_else(|| "s".to_owned());
             let is_time = abscissa == "s" && rate.is_finite() && rate > 0.0;
             let name = "function_record.name";
