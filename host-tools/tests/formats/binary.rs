@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, RECORDINGS};
 use crate::hdf5::{Variable, mat73};
-use crate::write::{Numbers, RATE, Raw, mat, matrix, set58, tdms};
+use crate::write::{Numbers, RATE, Raw, mat, matrix, object, set58, tdms};
 use crate::{Table, close, offered, same};
 use std::io::Cursor;
 
@@ -192,6 +192,22 @@ fn mat_files() {
             close(&of_file(numbered(offered(file), "data:")), 0.0);
         }
     }
+}
+
+/// Tables and strings of MATLAB are noted, and take nothing else with them.
+#[test]
+fn mat_files_with_objects() {
+    let file = |table: Table| mat(&[object("log"), vectors(&table, true).concat()], false);
+    let bench = of_file(offered(file));
+    let finished = bench.identify(&[]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    finished.says("variable `log` not read: a table, a string or another object");
+    assert!(
+        !finished.stderr.contains("columns not used"),
+        "{}",
+        finished.stderr
+    );
+    close(&bench, 0.0);
 }
 
 #[test]

@@ -89,15 +89,17 @@ pub fn set58(name: &str, node: i32, direction: i32, readings: &[f32], numbers: N
     out
 }
 
+/// An element of a MAT file.
+fn padded(kind: u32, data: &[u8]) -> Vec<u8> {
+    let mut out = kind.to_le_bytes().to_vec();
+    out.extend((data.len() as u32).to_le_bytes());
+    out.extend(data);
+    out.resize(out.len().next_multiple_of(8), 0);
+    out
+}
+
 /// A matrix of a MAT file: its bytes as an element.
 pub fn matrix(name: &str, rows: usize, values: &[f64], single: bool) -> Vec<u8> {
-    let padded = |kind: u32, data: &[u8]| {
-        let mut out = kind.to_le_bytes().to_vec();
-        out.extend((data.len() as u32).to_le_bytes());
-        out.extend(data);
-        out.resize(out.len().next_multiple_of(8), 0);
-        out
-    };
     let word = |n: u32| n.to_le_bytes();
     let across = (values.len() / rows) as u32;
     let mut inner = padded(6, &[word(if single { 7 } else { 6 }), word(0)].concat());
@@ -113,6 +115,16 @@ pub fn matrix(name: &str, rows: usize, values: &[f64], single: bool) -> Vec<u8> 
     };
     inner.extend(padded(if single { 7 } else { 9 }, &data));
     padded(14, &inner)
+}
+
+/// An object of a MAT file, such as a table, and the bytes without a name that MATLAB writes behind all variables.
+pub fn object(name: &str) -> Vec<u8> {
+    let mut inner = padded(6, &[17, 0, 0, 0, 0, 0, 0, 0]);
+    for text in [name, "MCOS", "timetable"] {
+        inner.extend(padded(1, text.as_bytes()));
+    }
+    inner.extend(matrix("", 6, &[0.0; 6], false));
+    [padded(14, &inner), matrix("", 1, &[7.0; 5000], true)].concat()
 }
 
 /// A MAT file of elements.

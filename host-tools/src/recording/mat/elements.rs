@@ -21,6 +21,8 @@ const DEPTH: u32 = 16;
 /// Kinds of an element.
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+/// Class of a table, a `string`, a `datetime` and other objects, which have a name and no dimensions.
+const OPAQUE: u32 = 17;
 
 /// Numeric variables of a file, texts within its structs, and notes on what is not read. Names of fields stand behind
 /// a point (`Signal.y_values.values`), places in arrays in brackets (`Signal(2).name{1}`).
@@ -115,6 +117,16 @@ impl Elements<'_> {
             length,
             padded: u64::from(length).next_multiple_of(8),
         })
+    }
+
+    /// The name of a variable.
+    fn name(&mut self) -> Result<String, Wrong> {
+        let name = self.tag()?;
+        if name.kind != 1 || name.length > NAME {
+            let found = format!("an element of type {} and {} bytes", name.kind, name.length);
+            return Err(Wrong::Other(found, "the name of a variable (1)"));
+        }
+        Ok(self.text(&name)?.into_iter().map(char::from).collect())
     }
 
     /// The bytes of an element, of which few are expected.
@@ -270,6 +282,10 @@ impl Walk<'_> {
     fn matrix(&mut self, end: u64, path: Option<String>, depth: u32) -> Result<(), Wrong> {
         let head = self.head()?;
         let within = path.is_some();
+        // What objects hold follows them, as bytes without a name.
+        if !within && head.name.is_empty() {
+            return Ok(());
+        }
         let name = path.unwrap_or(head.name);
         let [rows, columns] = head.dimensions;
         let count = rows.checked_mul(columns);
@@ -290,6 +306,7 @@ impl Walk<'_> {
             4 if within => return self.text(name, head.dimensions),
             4 => return not_read("text"),
             5 => return not_read("a sparse matrix"),
+            OPAQUE => return not_read("a table, a string or another object"),
             6..=15 => {}
             _ => return not_read("a function or an object"),
         }
@@ -339,6 +356,15 @@ impl Walk<'_> {
         }
         let class = elements.u32()?;
         elements.u32()?;
+        if class & 0xff == OPAQUE {
+            return Ok(Head {
+                class: OPAQUE,
+                complex: false,
+                dimensions: [1, 1],
+                deep: false,
+                name: elements.name()?,
+            });
+        }
         let shape = elements.tag()?;
         if shape.kind != 5 || shape.length < 8 || shape.length % 4 != 0 {
             let found = format!(
@@ -349,18 +375,12 @@ impl Walk<'_> {
         }
         let dimensions = [elements.u32()?, elements.u32()?].map(u64::from);
         elements.skip(shape.padded - 8)?;
-        let name = elements.tag()?;
-        if name.kind != 1 || name.length > NAME {
-            let found = format!("an element of type {} and {} bytes", name.kind, name.length);
-            return Err(Wrong::Other(found, "the name of a variable (1)"));
-        }
-        let name = elements.text(&name)?;
         Ok(Head {
             class: class & 0xff,
             complex: class & 0x800 != 0,
             dimensions,
             deep: shape.length > 8,
-            name: name.into_iter().map(char::from).collect(),
+            name: elements.name()?,
         })
     }
 
