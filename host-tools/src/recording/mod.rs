@@ -14,6 +14,7 @@
 //! | `about` | facts about a recording that Parquet files and journals carry |
 //! | `columns` | files that have each channel as a series of its own |
 //! | `bytes` | any part of a file, in shared pages |
+//! | `testlab` | structs of MAT files as Simcenter Testlab exports them |
 //! | `rate` | names under which files state the sample rate |
 //! | `number` | numbers of fixed size as files hold them |
 //! | `form` | the form of text recordings, where the setup states it |
@@ -53,6 +54,7 @@ mod reader;
 mod rows;
 mod source;
 mod tdms;
+mod testlab;
 #[cfg(test)]
 mod tests;
 mod time;

@@ -5,7 +5,7 @@ use massline::recording::{Recording, RecordingError};
 use std::path::{Path, PathBuf};
 
 /// Files of a program each, with two of their channels.
-const FILES: [(&str, [&str; 2]); 27] = [
+const FILES: [(&str, [&str; 2]); 28] = [
     ("double.uff", ["11:+Z", "13:+Y"]),
     ("binary.uff", ["a1", "fx"]),
     ("uneven.uff", ["11:+Z", "13:+Y"]),
@@ -13,6 +13,7 @@ const FILES: [(&str, [&str; 2]); 27] = [
     ("matrix-plain.mat", ["data:1", "data:3"]),
     ("counts.mat", ["a1", "a2"]),
     ("testlab-group.mat", ["a1", "fx"]),
+    ("testlab-73.mat", ["a1", "Signal_1"]),
     ("struct.mat", ["data.acc.a1", "data.force(1).fx"]),
     ("vectors.h5", ["a1", "fx"]),
     ("tree.h5", ["a1", "fx"]),

@@ -444,6 +444,7 @@ fn recordings() -> Vec<Vec<u8>> {
             include_bytes!("../../fixtures/formats/testlab-group.mat"),
         ),
         (2, include_bytes!("../../fixtures/formats/struct.mat")),
+        (2, include_bytes!("../../fixtures/formats/struct-73.mat")),
         (2, include_bytes!("../../fixtures/formats/vectors.h5")),
         (2, include_bytes!("../../fixtures/formats/tree.h5")),
         (2, include_bytes!("../../fixtures/formats/growing.h5")),

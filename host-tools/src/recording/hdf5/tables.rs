@@ -11,11 +11,14 @@ use crate::limits;
 use crate::printable::printable;
 use crate::recording::number::Coding;
 use crate::recording::some_of;
+use crate::recording::testlab::{Part, Signals};
 use crate::recording::{RecordingError, rate};
 use std::collections::{BTreeMap, HashSet};
 
 /// Deepest nest of groups.
 const DEEPEST: usize = 16;
+/// Most bytes of a text.
+const LONGEST: u64 = 4096;
 
 /// A dataset whose columns or rows are channels.
 pub(super) struct Table {
@@ -49,11 +52,14 @@ pub(super) fn tables(file: &File, matlab: bool) -> Result<Found, RecordingError>
         matlab,
         seen: HashSet::new(),
         tables: Vec::new(),
+        numbers: BTreeMap::new(),
+        texts: Vec::new(),
         left_out: BTreeMap::new(),
     };
     let root = Object::read(file, file.root)?;
     walk.seen.insert(file.root);
     walk.group(&root, "", None, 0)?;
+    walk.signals()?;
     let Walk {
         mut tables,
         left_out,
@@ -85,6 +91,9 @@ struct Walk<'a> {
     /// Addresses of the objects that were looked at: links may form circles.
     seen: HashSet<u64>,
     tables: Vec<Table>,
+    /// Single numbers and texts within the structs of MATLAB, by the names of their fields.
+    numbers: BTreeMap<String, f64>,
+    texts: Vec<(String, String)>,
     /// Names of the datasets that are not read, by the reason.
     left_out: BTreeMap<String, Vec<String>>,
 }
@@ -116,11 +125,17 @@ impl Walk<'_> {
             }
             let object = Object::read(file, at)?;
             if links::is_group(&object) {
-                let inner = format!("{path}{name}/");
-                match self.matlab {
-                    true => self.note(&name, "a struct, or a sparse matrix"),
-                    false if depth == DEEPEST => self.note(&inner, "groups within groups"),
-                    false => self.group(&object, &inner, rate, depth + 1)?,
+                let inner = match self.matlab {
+                    true => format!("{path}{name}."),
+                    false => format!("{path}{name}/"),
+                };
+                let own = attributes::attributes(file, &object)?;
+                if self.matlab && own.iter().any(|a| a.name == "MATLAB_sparse") {
+                    self.note(&format!("{path}{name}"), "a sparse matrix");
+                } else if depth == DEEPEST {
+                    self.note(&inner, "groups within groups");
+                } else {
+                    self.group(&object, &inner, rate, depth + 1)?;
                 }
                 continue;
             }
@@ -146,6 +161,16 @@ impl Walk<'_> {
                     advice: "write the unpacked values, or take the attributes out and state `scale` in the setup",
                 });
             }
+            if self.matlab && !path.is_empty() {
+                let field = format!("{path}{name}");
+                if let Some(text) = text(file, &dataset, &own)? {
+                    self.texts.push((field, text));
+                    continue;
+                }
+                if let Some(number) = scalar(file, &dataset)? {
+                    self.numbers.insert(field, number);
+                }
+            }
             if let Some(number) = scalar(file, &dataset)? {
                 rate = rate::stated(&name, || Some(number)).or(rate);
                 continue;
@@ -155,6 +180,12 @@ impl Walk<'_> {
                 labels = table.labels(labels, &name);
             }
             match self.table(dataset, &own, labels)? {
+                // The fields of MATLAB's structs are called by their whole path.
+                Ok(table) if self.matlab => self.tables.push(Table {
+                    name: format!("{path}{name}"),
+                    rate: rate_of(&own),
+                    ..table
+                }),
                 Ok(table) => self.tables.push(Table {
                     group: path.to_owned(),
                     name,
@@ -167,6 +198,48 @@ impl Walk<'_> {
         // A scalar may stand behind the datasets that it is for.
         for table in self.tables.iter_mut().skip(first) {
             table.rate = table.rate.or(rate);
+        }
+        Ok(())
+    }
+
+    /// Gives the structs of Simcenter Testlab their names, units and rates, and leaves out what stands beside them.
+    fn signals(&mut self) -> Result<(), RecordingError> {
+        let names = self.tables.iter().map(|table| &*table.name);
+        let number = |name: &str| Ok(self.numbers.get(name).copied());
+        let signals = Signals::of(names, &self.texts, number)?;
+        let of_field = |(name, number): (&String, &f64)| {
+            let (_, field) = name.rsplit_once('.')?;
+            rate::stated(field, || Some(*number))
+        };
+        // A field states the rate for all structs that have none of their own.
+        let stated = self.numbers.iter().find_map(of_field);
+        let mut first = None;
+        for mut table in std::mem::take(&mut self.tables) {
+            let name = table.name.clone();
+            match signals.part(&name) {
+                None => {
+                    table.rate = table.rate.or(stated);
+                    self.tables.push(table);
+                }
+                Some(Part::Beside) => {}
+                Some(Part::Samples(owner, signal)) => match signal.rate(first) {
+                    Err(why) => self.note(owner, &why),
+                    Ok(rate) => {
+                        first.get_or_insert(rate);
+                        table.rate = Some(rate);
+                        let labels = signal.labels(owner, table.across as usize);
+                        let (names, units): (Vec<String>, Vec<Option<String>>) =
+                            labels.into_iter().unzip();
+                        table.labels.units =
+                            units.into_iter().map(Option::unwrap_or_default).collect();
+                        if let [name] = &*names {
+                            table.name.clone_from(name);
+                        }
+                        table.labels.names = names;
+                        self.tables.push(table);
+                    }
+                },
+            }
         }
         Ok(())
     }
@@ -249,6 +322,31 @@ fn is_scaling(attribute: &Attribute) -> bool {
 fn rate_of(attributes: &[Attribute]) -> Option<f64> {
     let mut all = attributes.iter();
     all.find_map(|a| rate::stated(&a.name, || a.number()))
+}
+
+/// The text of a dataset that MATLAB calls one; `None` of another one, and of a long one.
+fn text(
+    file: &File,
+    dataset: &Dataset,
+    own: &[Attribute],
+) -> Result<Option<String>, RecordingError> {
+    let class = own.iter().find(|a| a.name == "MATLAB_class");
+    let class = class.map(|class| class.texts(file)).transpose()?.flatten();
+    let is_text = class.is_some_and(|class| class.first().is_some_and(|class| class == "char"));
+    let short = dataset.size().is_some_and(|size| size <= LONGEST);
+    match dataset.datatype.element {
+        Element::Number(coding) if is_text && short => {
+            let elements = dataset.elements(file)?;
+            let units = elements.map(|elements| {
+                let units = elements.chunks_exact(coding.kind.size());
+                units
+                    .map(|unit| coding.value(unit) as u16)
+                    .collect::<Vec<_>>()
+            });
+            Ok(units.map(|units| String::from_utf16_lossy(&units)))
+        }
+        _ => Ok(None),
+    }
 }
 
 /// The number of a dataset that has one.

@@ -295,6 +295,7 @@ impl Walk<'_> {
             self.contents.notes.push(note);
             Ok(())
         };
+        // 1 is a cell, 2 a struct, 3 an object, 4 text, 5 sparse, 6 to 15 are kinds of numbers.
         match head.class {
             1 | 2 if depth == DEPTH => return not_read("it lies in too many others"),
             1 | 2 | 6..=15 if head.deep => return not_read("it has more than two dimensions"),

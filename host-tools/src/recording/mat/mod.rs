@@ -3,22 +3,20 @@
 
 mod elements;
 mod inflater;
-mod testlab;
 
 use super::bytes::Bytes;
 use super::columns::{Columns, Reading, Series, most_common};
 use super::rate;
 use super::source::{Channel, Place, StatedRate};
+use super::testlab::{Part, Signal, Signals};
 use super::{Format, Mismatch, RecordingError};
 use crate::limits;
 use crate::printable::{printable, quoted};
 use elements::{Contents, Numbers, Variable};
 use inflater::Places;
+use std::collections::HashMap;
 use std::rc::Rc;
-use testlab::{Part, Signal, Signals};
 
-/// Relative difference of two sample rates that are the same.
-const SAME: f64 = 1e-6;
 /// Names of the field of a struct that is time, in lower case.
 const TIMES: [&str; 2] = ["time", "t"];
 
@@ -97,26 +95,19 @@ impl Channels {
         variable: (usize, &Variable),
         (owner, signal): (&str, &Signal),
     ) -> Result<(), RecordingError> {
-        let mut not_read = |why: String| {
-            let name = quoted(owner);
-            let note = format!("variable `{name}` not read: {why}");
-            self.notes.push(note);
-            Ok(())
-        };
-        let Some(rate) = signal.rate else {
-            let unit = quoted(&signal.abscissa);
-            return not_read(format!("its numbers are those over {unit}, of no time"));
-        };
-        let first = self.rate.get_or_insert(StatedRate {
-            value: rate,
-            place: "an increment beside its samples",
-        });
-        if (rate / first.value - 1.0).abs() > SAME {
-            let own = crate::format::plain(first.value, 7);
-            return not_read(format!(
-                "{} samples per second, and those before it have {own}",
-                crate::format::plain(rate, 7)
-            ));
+        match signal.rate(self.rate.map(|rate| rate.value)) {
+            Err(why) => {
+                let name = quoted(owner);
+                let note = format!("variable `{name}` not read: {why}");
+                self.notes.push(note);
+                return Ok(());
+            }
+            Ok(value) => {
+                self.rate.get_or_insert(StatedRate {
+                    value,
+                    place: "an increment beside its samples",
+                });
+            }
         }
         self.add(bytes, variable, |count| signal.labels(owner, count))
     }
@@ -125,7 +116,14 @@ impl Channels {
 fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
     let contents = elements::contents(&bytes)?;
     let places = Places::default();
-    let signals = Signals::of(&bytes, &contents, &places)?;
+    let names = contents.variables.iter().map(|variable| &*variable.name);
+    let scalars = contents.variables.iter().filter(|v| v.dimensions == [1, 1]);
+    let scalars: HashMap<&str, &Variable> = scalars.map(|v| (&*v.name, v)).collect();
+    let number = |name: &str| {
+        let value = |v: &&Variable| Numbers::new(&bytes, v, (0, 1), name, &places)?.next();
+        scalars.get(name).map(value).transpose()
+    };
+    let signals = Signals::of(names, &contents.texts, number)?;
     let mut found = Channels::default();
     for variable in contents.variables.iter().enumerate() {
         let name = &variable.1.name;

@@ -8,15 +8,14 @@
 //! | `y_values.quantity.label` | unit of the samples |
 //! | `function_record.name` | names of the channels: a text, or a cell of texts |
 
-use super::elements::{Contents, Numbers, Variable};
-use super::inflater::Places;
-use crate::recording::RecordingError;
-use crate::recording::bytes::Bytes;
-use crate::recording::columns::Series;
+use super::RecordingError;
+use crate::format::plain;
+use crate::printable::quoted;
 use std::collections::HashMap;
-use std::rc::Rc;
 
 const VALUES: &str = ".y_values.values";
+/// Relative difference of two sample rates that are the same.
+const SAME: f64 = 1e-6;
 
 /// Signals of a file by the names of their structs.
 pub(super) struct Signals(HashMap<String, Signal>);
@@ -24,9 +23,9 @@ pub(super) struct Signals(HashMap<String, Signal>);
 /// A struct of samples.
 pub(super) struct Signal {
     /// Samples per second; `None` where the abscissa is no time.
-    pub(super) rate: Option<f64>,
+    rate: Option<f64>,
     /// Unit of the abscissa.
-    pub(super) abscissa: String,
+    abscissa: String,
     unit: Option<String>,
     names: Vec<String>,
 }
@@ -40,33 +39,28 @@ pub(super) enum Part<'a> {
 }
 
 impl Signals {
-    /// The signals of a file.
+    /// The signals of a file with variables of these names and these texts. `number` gives the value of a scalar by its
+    /// name, and `None` where there is none.
     ///
     /// # Errors
-    /// [`RecordingError`] if an increment cannot be read.
-    pub(super) fn of(
-        bytes: &Rc<Bytes>,
-        contents: &Contents,
-        places: &Places,
+    /// Those of `number`.
+    pub(super) fn of<'n>(
+        names: impl Iterator<Item = &'n str>,
+        texts: &[(String, String)],
+        number: impl Fn(&str) -> Result<Option<f64>, RecordingError>,
     ) -> Result<Self, RecordingError> {
-        let owners = |part: &'static str| {
-            let names = contents.variables.iter();
-            names.filter_map(move |v| Some((v.name.strip_suffix(part)?, v)))
-        };
-        let increments: HashMap<&str, &Variable> = owners(".x_values.increment").collect();
-        let texts = contents.texts.iter();
-        let texts: HashMap<&str, &str> = texts.map(|(name, text)| (&**name, &**text)).collect();
+        let texts = texts.iter().map(|(name, text)| (&**name, &**text));
+        let texts: HashMap<&str, &str> = texts.collect();
         let mut signals = HashMap::new();
-        for (owner, _) in owners(VALUES) {
-            let Some(increment) = increments.get(owner) else {
+        for owner in names.filter_map(|name| name.strip_suffix(VALUES)) {
+            let Some(increment) = number(&format!("{owner}.x_values.increment"))? else {
                 continue;
             };
             let text = |field: &str| {
                 let text = texts.get(&*format!("{owner}.{field}"))?.trim();
                 (!text.is_empty()).then(|| text.to_owned())
             };
-            let rate =
-                1.0 / Numbers::new(bytes, increment, (0, 1), &increment.name, places)?.next()?;
+            let rate = 1.0 / increment;
             let abscissa = text("x_values.quantity.label").unwrap_or_else(|| "s".to_owned());
             let is_time = abscissa == "s" && rate.is_finite() && rate > 0.0;
             let name = "function_record.name";
@@ -96,6 +90,22 @@ impl Signals {
 }
 
 impl Signal {
+    /// Samples per second, if they are those of the signals before it; else the reason why it is not read with them.
+    pub(super) fn rate(&self, before: Option<f64>) -> Result<f64, String> {
+        let Some(rate) = self.rate else {
+            let unit = quoted(&self.abscissa);
+            return Err(format!("its numbers are those over {unit}, of no time"));
+        };
+        match before {
+            Some(before) if (rate / before - 1.0).abs() > SAME => Err(format!(
+                "{} samples per second, and those before it have {}",
+                plain(rate, 7),
+                plain(before, 7)
+            )),
+            _ => Ok(rate),
+        }
+    }
+
     /// Name and unit of each of `count` channels of the struct `owner`.
     pub(super) fn labels(&self, owner: &str, count: usize) -> Vec<(String, Option<String>)> {
         let name = |n: usize| match self.names.get(n) {
