@@ -11,8 +11,11 @@ use std::time::{Duration, Instant};
 
 /// By how much faster than the clock the box may take samples.
 const SPEED: f64 = 8.0;
-/// Longest wait for bytes of the program.
+/// Longest wait for bytes of the program while the box has something to say.
 const LOOK: Duration = Duration::from_millis(2);
+/// The same while it has nothing to say: some hundred boxes that look every two milliseconds keep two processors
+/// busy, and leave none for those that are asked.
+const IDLE: Duration = Duration::from_millis(20);
 
 /// Held while a pair of terminals is made and while a program is begun: a program that began in
 /// between would hold the box's end open, too, and nothing would be unplugged.
@@ -40,9 +43,13 @@ pub fn serve<T>(
             std::thread::sleep(LOOK);
             continue;
         };
-        if link.pass(line, port).is_err() {
+        match link.pass(line, port) {
+            Ok(said) => {
+                let wait = if said { LOOK } else { IDLE };
+                port.set_timeout(wait).unwrap();
+            }
             // Unplugged: the program's end reads as at its end.
-            ours = None;
+            Err(_) => ours = None,
         }
     }
     program
@@ -164,8 +171,8 @@ impl Link {
         }
     }
 
-    /// Passes on what has come from either side.
-    fn pass(&mut self, line: &mut impl Port, port: &mut TTYPort) -> Result<(), PortError> {
+    /// Passes on what has come from either side. `true` if the box has said something, or would have.
+    fn pass(&mut self, line: &mut impl Port, port: &mut TTYPort) -> Result<bool, PortError> {
         let mut chunk = [0; 1024];
         match port.read(&mut chunk) {
             Ok(count) => {
@@ -184,7 +191,7 @@ impl Link {
         }
         let ahead = line.seconds() - self.since - SPEED * self.begun.elapsed().as_secs_f64();
         if ahead > 0.0 {
-            return Ok(());
+            return Ok(true);
         }
         let mut said = Vec::new();
         line.receive(&mut said, Duration::ZERO)?;
@@ -193,6 +200,6 @@ impl Link {
         while let Ok(count @ 1..) = port.write(left) {
             left = &left[count..];
         }
-        Ok(())
+        Ok(!said.is_empty())
     }
 }
