@@ -1,6 +1,8 @@
 //! Type B uncertainty beside closed forms and beside what perturbed setups give.
 
-use massline::identification::{Answer, Choice, NUMBERS, Session, TypeB, estimates, number};
+use massline::identification::{
+    Answer, Choice, NUMBERS, Session, TypeB, Wanted, estimates, number,
+};
 use massline::result::ResultDocument;
 use massline::setup::{Setup, Uncertainty};
 use massline::simulate::{Model, Options, simulate};
@@ -309,6 +311,30 @@ fn margins(i: &Identification) -> [(f64, f64); 2] {
     let p = i.plausibility;
     [p.positive_definite, p.triangle]
         .map(|m| m.map_or((0.0, 0.0), |m| (m.relative * scale, m.uncertainty * scale)))
+}
+
+/// A fit of all lines is judged by both types as the averaging band is: of errors that are far larger than the noise, which
+/// both share, it makes the same intervals.
+#[test]
+fn plausibility_of_a_fit_has_both_types() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut setup = rigid_box(&folder, true, 0.001);
+    let fitted = |setup: &Setup| {
+        let mut session = Session::new(setup).with_type_b();
+        let wanted = Wanted::Likelihood;
+        let answer = session.wanted_answer(wanted, &Choice::default(), &mut |_| ());
+        let answer = answer.unwrap();
+        assert_eq!(answer.method_name(), "ml", "{:?}", answer.warnings);
+        margins(&answer.identification)
+    };
+    let noise = fitted(&setup);
+    setup.defaults.all.position = Some(2e-3);
+    let band = margins(&identify(&setup, None).identification);
+    for ((noise, both), band) in noise.into_iter().zip(fitted(&setup)).zip(band) {
+        // Noise that is a twentieth of the whole adds a thousandth to it.
+        assert!(noise.1 < band.1 / 20.0, "{noise:?} {band:?}");
+        assert!((both.1 / band.1 - 1.0).abs() < 3e-3, "{both:?} {band:?}");
+    }
 }
 
 /// Errors that are next to nothing leave the plausibility that the core has found without them, of

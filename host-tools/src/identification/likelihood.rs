@@ -6,7 +6,7 @@ use super::drift;
 use super::notice::notice;
 use super::plausible::plausibility;
 use super::refusal::refusal;
-use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, estimates};
+use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, TypeB, estimates};
 use crate::likelihood::{
     self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
 };
@@ -83,16 +83,17 @@ impl Likelihood {
     }
 
     /// The numbers of the fit, of those that the band's method observes; `None` after a step back, which
-    /// error bars make that are no narrower than the band's.
+    /// error bars make that are no narrower than the band's. Plausibility is judged with type B uncertainty, too.
     pub(crate) fn numbers(
         &mut self,
         band: &Identification,
         known_mass: Option<f64>,
+        type_b: Option<&TypeB>,
     ) -> Option<(Identification, massline_core::identify::Covariance)> {
         let (None, Some(fit)) = (&self.stepped_back, &self.fit) else {
             return None;
         };
-        let fitted = identification(band, fit, known_mass);
+        let fitted = identification(band, fit, known_mass, type_b);
         if is_wider(&fitted.0, band) {
             self.stepped_back = Some("its error bars are no narrower".to_owned());
             return None;
@@ -306,12 +307,11 @@ fn told(p: likelihood::Progress) -> (String, f64) {
 
 /// Puts the numbers of a fit in the place of the band's.
 fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
-    let fitted = found.numbers(&answer.identification, setup.known_mass);
+    let (band, type_b) = (&answer.identification, answer.type_b.as_ref());
+    let fitted = found.numbers(band, setup.known_mass, type_b);
     if let Some((identification, covariance)) = fitted {
         answer.identification = identification;
         answer.covariance = covariance;
-        let (fitted, type_b) = (&answer.identification, answer.type_b.as_ref());
-        answer.identification.plausibility = plausibility(fitted, &answer.covariance, type_b);
         answer.procedure = Procedure::Direct;
         // What contradicts a rigid body is in the data, whichever lines are used.
         let judged = Judged {
@@ -370,6 +370,7 @@ fn identification(
     band: &Identification,
     fit: &Fit,
     known_mass: Option<f64>,
+    type_b: Option<&TypeB>,
 ) -> (Identification, massline_core::identify::Covariance) {
     let sigma = &fit.model.rigid;
     let (values, slopes) = numbers(sigma, &band.reference, known_mass);
@@ -412,7 +413,7 @@ fn identification(
         _ => found.inertia_cg[i - 4].is_some(),
     });
     let covariance = covariance_of(&covariance, &observable);
-    found.plausibility = plausibility(&found, &covariance, None);
+    found.plausibility = plausibility(&found, &covariance, type_b);
     (found, covariance)
 }
 

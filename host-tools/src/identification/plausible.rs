@@ -39,7 +39,13 @@ pub(super) fn plausibility(
         });
         return Plausibility {
             mass,
-            positive_definite: margins.reduce(worse),
+            // A violation before what might be one, and the nearer to it first.
+            positive_definite: margins.min_by(|a, b| {
+                let possible = |m: &Margin| m.verdict() != Verdict::Violated;
+                let lowest = |m: &Margin| m.relative - m.uncertainty;
+                let first = possible(a).cmp(&possible(b));
+                first.then(lowest(a).total_cmp(&lowest(b)))
+            }),
             triangle: None,
         };
     };
@@ -102,17 +108,6 @@ fn margin(left: f64, half: f64, scale: f64) -> Margin {
         relative: left / scale,
         uncertainty: half / scale,
     }
-}
-
-/// A violation before what might be one, and the nearer to it first.
-fn worse(a: Margin, b: Margin) -> Margin {
-    let violated = |m: Margin| m.verdict() == Verdict::Violated;
-    let nearer = match (violated(a), violated(b)) {
-        (true, false) => true,
-        (false, true) => false,
-        _ => a.relative - a.uncertainty <= b.relative - b.uncertainty,
-    };
-    if nearer { a } else { b }
 }
 
 /// Change of principal moment `k` with the six terms about S (xx, yy, zz, xy, xz, yz): `vᵀ dΘ v`

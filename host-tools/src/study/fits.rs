@@ -116,7 +116,7 @@ pub(super) fn fitted(
         Err(why) => return Ok(none(why.to_string())),
     };
     let mut found = fit_records(&records, &widest, &band, 1, &mut |_| ());
-    let numbers = found.numbers(&band, setup.known_mass);
+    let numbers = found.numbers(&band, setup.known_mass, None);
     let fit = numbers.map_or(band, |(identification, _)| identification);
     Ok(Fitted {
         claimed: percent(&claimed(&fit), &exact),

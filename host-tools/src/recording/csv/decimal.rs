@@ -111,14 +111,11 @@ pub(super) fn scaled(
     Some(if negative { -value } else { value })
 }
 
-/// `true` of the sign before an exponent.
-pub(super) fn is_exponent(byte: u8) -> bool {
-    matches!(byte, b'e' | b'E' | b'd' | b'D')
-}
-
 /// The exponent of a number, of at most two digits, and the text before it; Fortran writes a `D`.
 pub(super) fn split_exponent(text: &[u8]) -> Option<(&[u8], i32)> {
-    let at = text.iter().rposition(|byte| is_exponent(*byte))?;
+    let at = text
+        .iter()
+        .rposition(|byte| matches!(byte, b'e' | b'E' | b'd' | b'D'))?;
     let (before, exponent) = (text.get(..at)?, text.get(at + 1..)?);
     let (negative, digits) = match exponent {
         [b'-', digits @ ..] => (true, digits),

@@ -161,18 +161,16 @@ impl Walk<'_> {
                     advice: "write the unpacked values, or take the attributes out and state `scale` in the setup",
                 });
             }
-            if self.matlab && !path.is_empty() {
-                let field = format!("{path}{name}");
-                if let Some(text) = text(file, &dataset, &own)? {
-                    self.texts.push((field, text));
-                    continue;
-                }
-                if let Some(number) = scalar(file, &dataset)? {
-                    self.numbers.insert(field, number);
-                }
+            let is_field = self.matlab && !path.is_empty();
+            if is_field && let Some(text) = text(file, &dataset, &own)? {
+                self.texts.push((format!("{path}{name}"), text));
+                continue;
             }
             if let Some(number) = scalar(file, &dataset)? {
                 rate = rate::stated(&name, || Some(number)).or(rate);
+                if is_field {
+                    self.numbers.insert(format!("{path}{name}"), number);
+                }
                 continue;
             }
             let mut labels = names::labels(file, &own)?;
@@ -257,13 +255,7 @@ impl Walk<'_> {
         labels: Labels,
     ) -> Result<Result<Table, &'static str>, RecordingError> {
         if self.matlab {
-            let class = own.iter().find(|a| a.name == "MATLAB_class");
-            let class = class
-                .map(|class| class.texts(self.file))
-                .transpose()?
-                .flatten();
-            let class = class.and_then(|class| class.into_iter().next());
-            match class.as_deref() {
+            match class(self.file, own)?.as_deref() {
                 Some("char") => return Ok(Err("text")),
                 Some("cell") => return Ok(Err("a cell array")),
                 Some("logical") => return Ok(Err("logical values")),
@@ -324,15 +316,20 @@ fn rate_of(attributes: &[Attribute]) -> Option<f64> {
     all.find_map(|a| rate::stated(&a.name, || a.number()))
 }
 
+/// The class of a variable of MATLAB.
+fn class(file: &File, own: &[Attribute]) -> Result<Option<String>, RecordingError> {
+    let class = own.iter().find(|a| a.name == "MATLAB_class");
+    let texts = class.map(|class| class.texts(file)).transpose()?.flatten();
+    Ok(texts.and_then(|texts| texts.into_iter().next()))
+}
+
 /// The text of a dataset that MATLAB calls one; `None` of another one, and of a long one.
 fn text(
     file: &File,
     dataset: &Dataset,
     own: &[Attribute],
 ) -> Result<Option<String>, RecordingError> {
-    let class = own.iter().find(|a| a.name == "MATLAB_class");
-    let class = class.map(|class| class.texts(file)).transpose()?.flatten();
-    let is_text = class.is_some_and(|class| class.first().is_some_and(|class| class == "char"));
+    let is_text = class(file, own)?.as_deref() == Some("char");
     let short = dataset.size().is_some_and(|size| size <= LONGEST);
     match dataset.datatype.element {
         Element::Number(coding) if is_text && short => {

@@ -210,7 +210,7 @@ fn one(
     match found {
         Ok(mut found) => {
             drawn.narrower = !found.rejected.is_empty();
-            if let Some((fitted, _)) = found.numbers(&today, None) {
+            if let Some((fitted, _)) = found.numbers(&today, None, None) {
                 given = fitted;
                 let modes = found.fit.map_or(0, |fit| fit.model.modes.len());
                 drawn.surplus = modes as i64 - below as i64;
