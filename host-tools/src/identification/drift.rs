@@ -148,6 +148,15 @@ pub(super) fn in_words(drifts: &[Drift], measurement: &Measurement) -> Option<St
     ))
 }
 
+/// If intervals hold an error, in words: those with type B uncertainty.
+pub(super) fn held(held: bool) -> &'static str {
+    if held {
+        "the intervals with type B uncertainty hold it"
+    } else {
+        "the error bars do not know of it"
+    }
+}
+
 /// A warning of all changes, and if intervals hold them: those with type B uncertainty.
 pub(super) fn notice(
     drifts: &[Drift],
@@ -155,11 +164,7 @@ pub(super) fn notice(
     held: bool,
     warnings: &mut Vec<String>,
 ) {
-    let held = if held {
-        "the intervals with type B uncertainty hold it"
-    } else {
-        "the error bars do not know of it"
-    };
+    let held = self::held(held);
     warnings.extend(in_words(drifts, measurement).map(|words| format!("{words}; {held}")));
 }
 

@@ -333,6 +333,7 @@ fn take(answer: &mut Answer, mut found: Likelihood, setup: &Setup) {
         }
         let held = answer.type_b.is_some();
         drift::notice(&answer.drifts, &answer.measurement, held, &mut warnings);
+        answer.distorted.notice(setup, held, &mut warnings);
         let own = answer
             .warnings
             .iter()

@@ -4,6 +4,7 @@
 mod condense;
 mod consistency;
 mod coupling;
+mod distortion;
 mod drift;
 mod error;
 mod likelihood;
@@ -19,6 +20,7 @@ mod weights;
 
 pub use consistency::{Consistency, REFUSED, WARNED};
 pub(crate) use coupling::Coupling;
+pub(crate) use distortion::Distorted;
 pub(crate) use drift::Drift;
 pub use error::{AnswerError, ExamineError};
 pub(crate) use likelihood::{DESCRIPTION as LIKELIHOOD_IN_WORDS, fit_records, told_of};
@@ -30,7 +32,7 @@ pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
 
 use crate::detective::{self, Findings, Undecided};
-use crate::measure::{self, Accelerations, Measurement, Progress, Survey};
+use crate::measure::{self, Accelerations, CellDistortions, Measurement, Progress, Survey};
 pub mod modal;
 use crate::setup::{Mount, Setup};
 use massline_core::identify::{self, Covariance, Identification, Procedure, Question, Workspace};
@@ -94,6 +96,8 @@ pub struct Answer {
     pub offsets: Vec<(String, [f64; 6])>,
     /// Changes of the forces within runs.
     pub(crate) drifts: Vec<Drift>,
+    /// Forces that are no linear functions of the motion.
+    pub(crate) distorted: Distorted,
     /// A coupling of forces or accelerations to alternating current.
     pub(crate) coupling: Option<Coupling>,
     /// The maximum likelihood fit, or why there is none, where it was asked for or recommended.
@@ -153,6 +157,7 @@ pub struct Session<'s> {
     with_type_b: bool,
     survey: Option<Rc<Survey>>,
     measurements: Vec<(Accelerations, Rc<Measurement>)>,
+    cells: Option<Rc<[CellDistortions]>>,
 }
 
 impl<'s> Session<'s> {
@@ -172,6 +177,7 @@ impl<'s> Session<'s> {
             with_type_b: false,
             survey: None,
             measurements: Vec::new(),
+            cells: None,
         }
     }
 
@@ -276,9 +282,11 @@ impl<'s> Session<'s> {
         };
         let mut found = identify_from(self.setup, method, procedure, &measurement)?;
         let drifts = drift::drifts(&measurement, &found.identification);
+        let distorted = self.distorted(&measurement, progress)?;
         let type_b = if self.with_type_b {
             let data = (accelerations, &*measurement);
-            let from = (&found, drift::gains(&drifts, &measurement));
+            let gains = [drift::gains(&drifts, &measurement), distorted.gains()];
+            let from = (&found, gains);
             self.type_b(method, procedure, data, from, progress)?
         } else {
             None
@@ -302,7 +310,9 @@ impl<'s> Session<'s> {
         if refused.is_none() {
             warnings.extend(coupling.as_ref().map(Coupling::warning));
         }
-        drift::notice(&drifts, &measurement, type_b.is_some(), &mut warnings);
+        let held = type_b.is_some();
+        drift::notice(&drifts, &measurement, held, &mut warnings);
+        distorted.notice(self.setup, held, &mut warnings);
         if refused.is_none() {
             notice::notice_missing_modes(self.setup, &found.fits, &mut warnings);
         }
@@ -325,6 +335,7 @@ impl<'s> Session<'s> {
             modal: None,
             offsets: found.offsets,
             drifts,
+            distorted,
             coupling,
             likelihood: None,
             warnings,
@@ -394,15 +405,21 @@ impl<'s> Session<'s> {
     }
 
     /// What the examination of the sensors does not see, in words: load cells without an entry in the setup, forces that
-    /// change within runs, and forces or accelerations that are coupled to alternating current. None where the data allow no answer.
+    /// change within runs or are distorted, and forces or accelerations that are coupled to alternating current. None where the data allow no answer.
     pub fn notes(&mut self, progress: OnProgress<'_>) -> Vec<String> {
         let Ok(answer) = self.answer(&Choice::default(), progress) else {
             return Vec::new();
         };
         let drift = drift::in_words(&answer.drifts, &answer.measurement);
+        let distorted = self.of_cells(&answer.measurement, progress);
+        let distorted = distorted.map_or_else(
+            |_| answer.distorted.clone(),
+            |cells| answer.distorted.clone().with_cells(&cells),
+        );
+        let distorted = distorted.in_words(self.setup);
         let coupling = answer.coupling.as_ref().map(Coupling::warning);
         let unlisted = answer.measurement.unlisted_cells();
-        let told = [unlisted, drift, coupling];
+        let told = [unlisted, drift, distorted, coupling];
         told.into_iter().flatten().collect()
     }
 
@@ -419,6 +436,35 @@ impl<'s> Session<'s> {
     pub fn fixed_modes(&mut self, progress: OnProgress<'_>) -> Result<Vec<FixedMode>, AnswerError> {
         let measurement = self.of_interface(progress)?;
         measurement.map_or_else(|| Ok(Vec::new()), |m| condense::fixed_modes(self.setup, &m))
+    }
+
+    /// Forces that are no linear functions of the motion; with their load cells, for which recordings are read once more.
+    fn distorted(
+        &mut self,
+        measurement: &Measurement,
+        progress: OnProgress<'_>,
+    ) -> Result<Distorted, AnswerError> {
+        let found = Distorted::of_forces(measurement);
+        if found.is_empty() {
+            return Ok(found);
+        }
+        Ok(found.with_cells(&self.of_cells(measurement, progress)?))
+    }
+
+    /// Readings of load cells that are no linear functions of the motion.
+    fn of_cells(
+        &mut self,
+        measurement: &Measurement,
+        progress: OnProgress<'_>,
+    ) -> Result<Rc<[CellDistortions]>, AnswerError> {
+        if let Some(known) = &self.cells {
+            return Ok(Rc::clone(known));
+        }
+        let limit = self.limit;
+        let cells = measure::cell_distortions(self.setup, measurement, limit, progress)?;
+        let cells: Rc<[CellDistortions]> = cells.into();
+        self.cells = Some(Rc::clone(&cells));
+        Ok(cells)
     }
 
     /// Averages with the base acceleration from the interface accelerometers; `None` without any.

@@ -121,6 +121,11 @@ impl DrivesAverage {
         self.lines
     }
 
+    /// Number of channels beside the drives.
+    pub(super) fn channels(&self) -> usize {
+        self.channels
+    }
+
     /// `true` if there are drives only.
     pub(super) fn has_no_channels(&self) -> bool {
         self.channels == 0
@@ -136,28 +141,14 @@ impl DrivesAverage {
     }
 
     /// Product of a channel and a drive, and at the number of drives its power.
-    fn with(&self, line: usize, channel: usize, drive: usize) -> Complex<f64> {
+    pub(super) fn with(&self, line: usize, channel: usize, drive: usize) -> Complex<f64> {
         let at = self.drives * self.drives + channel * (self.drives + 1);
         self.sums[line * self.each() + at + drive]
     }
 
     /// The part of each drive. Which ones depend on others is judged over the lines `band`.
     pub(super) fn parts(&self, band: std::ops::Range<usize>) -> Parts {
-        let mut used: Vec<usize> = Vec::new();
-        let mut dependent = Vec::new();
-        for drive in 0..self.drives {
-            used.push(drive);
-            let last = used.len() - 1;
-            let (mut own, mut all) = (0.0, 0.0);
-            for line in band.clone() {
-                own += self.factor(line, &used).1[last];
-                all += self.between(line, drive, drive).re;
-            }
-            if own.is_nan() || own <= OF_ITS_OWN * all {
-                used.pop();
-                dependent.push(drive);
-            }
-        }
+        let (used, dependent) = self.independent(band);
         let count = used.len();
         let mut sums: Vec<Vec<Sum>> = (0..count).map(|_| Vec::new()).collect();
         let (mut coherence, mut power) = (Vec::new(), Vec::new());
@@ -168,15 +159,7 @@ impl DrivesAverage {
             }
             let (mut shares, mut powers) = (Vec::new(), Vec::new());
             for channel in 0..self.channels {
-                // G_xr = G_xr' Lᴴ, from the first drive on.
-                let mut cross: Vec<Complex<f64>> = Vec::with_capacity(count);
-                for i in 0..count {
-                    let mut value = self.with(line, channel, used[i]);
-                    for (j, before) in cross.iter().enumerate() {
-                        value -= before * l[i * count + j].conj();
-                    }
-                    cross.push(value);
-                }
+                let cross = self.conditioned(line, channel, &used, &l);
                 let whole = self.with(line, channel, self.drives).re;
                 let explained: Vec<f64> = cross
                     .iter()
@@ -210,8 +193,47 @@ impl DrivesAverage {
         }
     }
 
+    /// The drives that have parts of their own over the lines `band`, and those that the ones before them explain.
+    pub(super) fn independent(&self, band: std::ops::Range<usize>) -> (Vec<usize>, Vec<usize>) {
+        let mut used: Vec<usize> = Vec::new();
+        let mut dependent = Vec::new();
+        for drive in 0..self.drives {
+            used.push(drive);
+            let last = used.len() - 1;
+            let (mut own, mut all) = (0.0, 0.0);
+            for line in band.clone() {
+                own += self.factor(line, &used).1[last];
+                all += self.between(line, drive, drive).re;
+            }
+            if own.is_nan() || own <= OF_ITS_OWN * all {
+                used.pop();
+                dependent.push(drive);
+            }
+        }
+        (used, dependent)
+    }
+
+    /// Products of a channel with the parts that the drives `used` have of their own, from `G_xr = G_xr' Lᴴ`.
+    pub(super) fn conditioned(
+        &self,
+        line: usize,
+        channel: usize,
+        used: &[usize],
+        l: &[Complex<f64>],
+    ) -> Vec<Complex<f64>> {
+        let mut cross: Vec<Complex<f64>> = Vec::with_capacity(used.len());
+        for (i, drive) in used.iter().enumerate() {
+            let mut value = self.with(line, channel, *drive);
+            for (j, before) in cross.iter().enumerate() {
+                value -= before * l[i * used.len() + j].conj();
+            }
+            cross.push(value);
+        }
+        cross
+    }
+
     /// `G_rr = L D Lᴴ` of the drives `used`: L row by row, and D.
-    fn factor(&self, line: usize, used: &[usize]) -> (Vec<Complex<f64>>, Vec<f64>) {
+    pub(super) fn factor(&self, line: usize, used: &[usize]) -> (Vec<Complex<f64>>, Vec<f64>) {
         let n = used.len();
         let mut l = vec![Complex::default(); n * n];
         let mut d = vec![0.0; n];
@@ -238,31 +260,32 @@ impl DrivesAverage {
     pub(super) fn add_channels<'a>(&mut self, block: &dyn Fn(usize) -> &'a [Complex32]) {
         let each = self.each();
         let n = self.drives;
-        let own = |channel: usize| {
-            let lines = block(self.before + channel).get(self.first..);
-            lines.unwrap_or_default()
-        };
-        let wide = |z: &Complex32| Complex::new(f64::from(z.re), f64::from(z.im));
-        let drives: Vec<&[Complex32]> = (0..n).map(own).collect();
-        for i in 0..n {
-            for j in 0..n {
-                let lines = self.sums.chunks_exact_mut(each);
-                for (sums, (r, s)) in lines.zip(drives[i].iter().zip(drives[j])) {
-                    sums[i * n + j] += wide(r) * wide(s).conj();
+        let all: Vec<&[Complex32]> = (0..n + self.channels)
+            .map(|channel| {
+                let lines = block(self.before + channel).get(self.first..);
+                lines.unwrap_or_default()
+            })
+            .collect();
+        let mut x = vec![Complex::default(); all.len()];
+        for (line, sums) in self.sums.chunks_exact_mut(each.max(1)).enumerate() {
+            for (x, lines) in x.iter_mut().zip(&all) {
+                let z = lines.get(line).copied().unwrap_or_default();
+                *x = Complex::new(f64::from(z.re), f64::from(z.im));
+            }
+            let (drives, channels) = x.split_at(n);
+            let (of_drives, of_channels) = sums.split_at_mut(n * n);
+            for (sums, r) in of_drives.chunks_exact_mut(n.max(1)).zip(drives) {
+                for (sum, s) in sums.iter_mut().zip(drives) {
+                    *sum += r * s.conj();
                 }
             }
-        }
-        for channel in 0..self.channels {
-            let at = n * n + channel * (n + 1);
-            let x = own(n + channel);
-            for (j, drive) in drives.iter().enumerate() {
-                let lines = self.sums.chunks_exact_mut(each);
-                for (sums, (x, r)) in lines.zip(x.iter().zip(*drive)) {
-                    sums[at + j] += wide(x) * wide(r).conj();
+            for (sums, x) in of_channels.chunks_exact_mut(n + 1).zip(channels) {
+                for (sum, r) in sums.iter_mut().zip(drives) {
+                    *sum += x * r.conj();
                 }
-            }
-            for (sums, x) in self.sums.chunks_exact_mut(each).zip(x) {
-                sums[at + n] += wide(x).norm_sqr();
+                if let Some(power) = sums.last_mut() {
+                    *power += x.norm_sqr();
+                }
             }
         }
         self.blocks = self.blocks.saturating_add(1);

@@ -1,12 +1,14 @@
 //! Random runs: Welch averages of the twelve resultants.
 
-use super::drives::{DrivesAverage, Parts};
+use super::distortion::{Distortion, Distortions};
+use super::drives::Parts;
 use super::early_late::{EarlyLate, Moments};
 use super::geometry::RunGeometry;
 use super::noise::{NoiseOrigin, RunNoise, Stated};
 use super::opened::{Ended, Opened};
 use super::stream::{Seen, Signal, Sink};
 use super::sums::{SumStorage, Sums};
+use super::survey;
 use super::unexplained::Unexplained;
 use super::units::Noticed;
 use super::{MeasureError, Rejected};
@@ -74,6 +76,8 @@ pub struct MeasuredRun {
     pub health: Vec<ChannelHealth>,
     /// Both halves of the run, of its first drive; `None` where it is too short for them.
     pub(crate) early_late: Option<Arc<EarlyLate>>,
+    /// Shares of powers of the forces in them, of its first drive.
+    pub(crate) distortions: Vec<Distortion>,
     pub(super) fingerprint: u64,
     /// Covariance of the noise of one sample of the resultants, where the setup states it of
     /// every sensor.
@@ -171,10 +175,15 @@ pub(super) fn read(
     let band = opened.band()?;
     let mut storage = SumStorage::default();
     let mut resultants = Resultants::new(&opened, band, &geometry, &mut storage)?;
-    let read = opened.read(&mut [&mut resultants], progress)?;
-    let averaged = resultants.finish(&opened)?.with(storage);
+    let of_interface = survey::geometry(setup, number);
+    let of_interface = of_interface.unwrap_or_else(|_| geometry.clone());
+    let mut distortions = Distortions::new(&of_interface, band.indices(), opened.drives.len());
+    let read = opened.read(&mut [&mut resultants, &mut distortions], progress)?;
+    let averaged = resultants.finish(&opened, &distortions)?.with(storage);
+    let distortions = distortions.finish(&opened.settings);
     let ended = opened.ended(read);
-    conclude(setup, geometry, averaged, &ended, &mut noticed.warnings)
+    let warnings = &mut noticed.warnings;
+    conclude(setup, geometry, averaged, &distortions, &ended, warnings)
 }
 
 /// The consumer of a run that averages its twelve resultants.
@@ -182,8 +191,6 @@ pub(super) struct Resultants<'s> {
     geometry: &'s RunGeometry,
     band: LineRange,
     sums: Sums<'s>,
-    /// Sums that tell a run which its drives do not explain.
-    moved: Option<DrivesAverage>,
     moments: Moments,
 }
 
@@ -210,13 +217,16 @@ impl<'s> Resultants<'s> {
             geometry,
             band,
             sums: sums.map_err(|source| opened.spectral(source))?,
-            moved: (drives > 0).then(|| Unexplained::sums(band, drives)),
             moments: Moments::new(band.indices()),
         })
     }
 
     /// The averages, without the sums of a run that has no drive.
-    pub(super) fn finish(self, opened: &Opened<'_>) -> Result<Averaged, MeasureError> {
+    pub(super) fn finish(
+        self,
+        opened: &Opened<'_>,
+        distortions: &Distortions<'_>,
+    ) -> Result<Averaged, MeasureError> {
         let (run, band, settings) = (opened.run, self.band, &opened.settings);
         let spectral = |source| opened.spectral(source);
         let blocks = self.sums.blocks();
@@ -248,15 +258,15 @@ impl<'s> Resultants<'s> {
             }
         };
         let first = spectra.first().map(|(_, (spectra, ..))| spectra);
-        let unexplained = match (first, &self.moved) {
-            (Some(Spectra::Drive { coherence, .. }), Some(moved)) => Unexplained {
+        let unexplained = match first {
+            Some(Spectra::Drive { coherence, .. }) => Unexplained {
                 run,
                 geometry: self.geometry,
                 band,
                 coherence,
                 unused: &opened.unused,
             }
-            .warning(moved),
+            .warning(distortions.sums()),
             _ => None,
         };
         Ok(Averaged {
@@ -283,9 +293,6 @@ impl Sink for Resultants<'_> {
     fn add(&mut self, block: &Seen<'_>) {
         self.sums.add(block);
         self.moments.look(&self.sums);
-        if let Some(moved) = &mut self.moved {
-            moved.add_channels(&|c| block.channel(c));
-        }
     }
 }
 
@@ -304,6 +311,7 @@ pub(super) fn conclude(
     setup: &Setup,
     geometry: RunGeometry,
     averaged: Averaged,
+    distortions: &[Distortion],
     ended: &Ended,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<MeasuredRun>, MeasureError> {
@@ -353,6 +361,7 @@ pub(super) fn conclude(
     let stated = Stated::of(setup, &geometry, warnings);
     let stated = stated.whole.iter().all(|w| *w).then_some(stated.noise);
     let mut early_late = averaged.early_late.map(Arc::new);
+    let mut distortions = distortions.to_vec();
     let runs = averaged.spectra.into_iter();
     let runs = runs.map(|(name, (spectra, density, _))| MeasuredRun {
         name,
@@ -368,6 +377,7 @@ pub(super) fn conclude(
         preamble: ended.preamble.clone(),
         health: ended.health.clone(),
         early_late: early_late.take(),
+        distortions: std::mem::take(&mut distortions),
         fingerprint: ended.fingerprint,
         stated,
         settings: *settings,

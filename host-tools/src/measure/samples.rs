@@ -123,6 +123,7 @@ fn averaged(
         preamble: Preamble::default(),
         health: Vec::new(),
         early_late: None,
+        distortions: Vec::new(),
         fingerprint: 0,
         stated: None,
         settings,

@@ -2,6 +2,7 @@
 
 use super::geometry::RunGeometry;
 use super::halves::{Half, Halves, SIX, Six};
+use super::powers::{Power, Powers};
 use super::rejected::{Gate, Rejected};
 use super::{BlockStorage, MeasureError};
 use crate::recording::Recording;
@@ -17,6 +18,8 @@ pub(super) enum Signal<'a> {
     Channel(usize, f32),
     /// A resultant of a geometry by its number.
     Resultant(&'a RunGeometry, usize),
+    /// A power of one of the consumer's signals before this one, by its number.
+    Power(usize, Power),
 }
 
 /// A consumer of a recording: channels made of each sample, and their spectra block by block.
@@ -60,6 +63,8 @@ enum Made {
     Scaled(usize, f32),
     /// One of six sums of one of [`Halves`].
     Sum(usize, usize),
+    /// A power of a channel before this one.
+    Power(usize, Power),
 }
 
 /// Channels of blocks that follow one another.
@@ -81,8 +86,10 @@ enum Source {
 /// Channels of blocks that several consumers share.
 struct Shared {
     made: Vec<Made>,
-    /// Where all of them come from, in their order.
+    /// Where all of them come from, in their order, but for powers of others.
     origins: Vec<Origin>,
+    /// Channels of which there are powers.
+    powers: Vec<Powers>,
     /// Number of each consumer, and of its channels among these.
     consumers: Vec<(usize, Vec<usize>)>,
 }
@@ -105,13 +112,21 @@ impl Shared {
             {
                 continue;
             }
+            let source = match *made {
+                Made::Scaled(from, factor) => Source::Scaled(from, vec![factor]),
+                Made::Sum(half, sum) => Source::Sums(half, sum),
+                Made::Power(of, power) => {
+                    match self.powers.iter_mut().find(|own| own.of == of) {
+                        Some(own) => own.to.push((channel, power)),
+                        None => self.powers.push(Powers::new(of, (channel, power))),
+                    }
+                    continue;
+                }
+            };
             self.origins.push(Origin {
                 channel,
                 count: 1,
-                source: match *made {
-                    Made::Scaled(from, factor) => Source::Scaled(from, vec![factor]),
-                    Made::Sum(half, sum) => Source::Sums(half, sum),
-                },
+                source,
             });
         }
     }
@@ -121,11 +136,11 @@ impl Shared {
         vec![0.0; self.made.len() + SIX]
     }
 
-    /// Writes the channels of a sample, with its sums.
+    /// Writes the channels of a sample, with its sums; powers of it only if it is good.
     #[inline]
     fn write<'a>(
-        &self,
-        sample: &[f32],
+        &mut self,
+        (sample, good): (&[f32], bool),
         sums: impl Fn(usize) -> Six,
         into: &'a mut [f32],
     ) -> &'a [f32] {
@@ -151,6 +166,9 @@ impl Shared {
                     }
                 }
             }
+        }
+        for own in self.powers.iter_mut().filter(|_| good) {
+            own.write(into);
         }
         into.get(..self.made.len()).unwrap_or_default()
     }
@@ -190,6 +208,7 @@ fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
             all.push(Shared {
                 made: made.collect(),
                 origins: Vec::new(),
+                powers: Vec::new(),
                 consumers: Vec::new(),
             });
         }
@@ -203,6 +222,10 @@ fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
         let mut last: Option<(&RunGeometry, [usize; 2])> = None;
         for signal in sink.channels() {
             let made = match signal {
+                Signal::Power(own, power) => {
+                    let of = channels.get(drives.len() + own);
+                    Made::Power(of.copied().unwrap_or_default(), power)
+                }
                 Signal::Channel(channel, factor) => Made::Scaled(channel, factor),
                 Signal::Resultant(geometry, resultant) => {
                     let known = last.filter(|(own, _)| std::ptr::eq(*own, geometry));
@@ -243,7 +266,7 @@ pub(super) fn stream(
     let store = |shared: &Shared| BlockStorage::new(*settings, shared.made.len());
     let mut stores: Vec<_> = plan.iter().map(store).collect();
     let mut feeds = Vec::with_capacity(stores.len());
-    for (storage, shared) in stores.iter_mut().zip(&plan) {
+    for (storage, shared) in stores.iter_mut().zip(&mut plan) {
         let blocks = storage.blocks().map_err(|source| MeasureError::Spectra {
             file: recording.file().to_owned(),
             source,
@@ -274,6 +297,7 @@ pub(super) fn stream(
             // All complete their blocks with the same sample.
             let mut admitted = None;
             for (blocks, input, shared) in &mut feeds {
+                let sample = (sample, health.is_good());
                 let input = shared.write(sample, |half| halves.of(half, n), input);
                 let Some(block) = blocks.push(input) else {
                     continue;
@@ -312,11 +336,14 @@ mod tests {
             Made::Scaled(3, 1.0),
             Made::Scaled(3, 0.5),
             Made::Sum(0, 0),
+            // Powers are zero until the variance is known.
+            Made::Power(7, Power::Cube),
             Made::Sum(1, 0),
         ];
         let mut shared = Shared {
             made: made.clone(),
             origins: Vec::new(),
+            powers: Vec::new(),
             consumers: Vec::new(),
         };
         shared.settle();
@@ -325,12 +352,13 @@ mod tests {
             [0, 1].map(|half| core::array::from_fn(|sum| (100 * half + sum) as f32));
         let mut into = shared.room();
         into.fill(f32::NAN);
-        let found = shared.write(&sample, |half| sums[half], &mut into);
+        let found = shared.write((&sample, true), |half| sums[half], &mut into);
         assert_eq!(found.len(), made.len());
         for (&found, made) in found.iter().zip(made) {
             let expected = match made {
                 Made::Scaled(channel, factor) => sample[channel] * factor,
                 Made::Sum(half, sum) => sums[half][sum],
+                Made::Power(..) => 0.0,
             };
             assert_eq!(found, expected);
         }

@@ -3,6 +3,7 @@
 //! Averages of several selections of accelerometers and the survey have blocks of their own each, so that they
 //! have the bits of passes of their own.
 
+use super::distortion::{Distortion, Distortions};
 use super::opened::{Ended, Opened, block_settings};
 use super::random::{self, Averaged, Resultants};
 use super::sums::SumStorage;
@@ -23,6 +24,7 @@ struct Passed {
     ended: Ended,
     /// In the order of the selections.
     averaged: Vec<Option<(RunGeometry, Averaged)>>,
+    distortions: Vec<Distortion>,
     surveyed: Option<survey::Found>,
 }
 
@@ -79,7 +81,15 @@ pub(crate) fn together(
             noticed.notice_units(setup, &passed.units)?;
             let warnings = &mut noticed.warnings;
             warnings.extend(passed.notes.iter().cloned());
-            random::conclude(setup, geometry, averaged, &passed.ended, warnings)
+            let distortions = &passed.distortions;
+            random::conclude(
+                setup,
+                geometry,
+                averaged,
+                distortions,
+                &passed.ended,
+                warnings,
+            )
         };
         measurements.push(assemble(setup, selection, &mut random, &mut |_| ())?);
     }
@@ -108,12 +118,15 @@ fn pass(
         .map(|a| RunGeometry::new(setup, number, a));
     let geometries: Vec<RunGeometry> = geometries.collect::<Result<_, _>>()?;
     // The survey's geometry is that of the interface accelerometers, where there are any: it is the last selection.
-    let own = match (selections.last(), geometries.last()) {
-        (Some(Accelerations::Interface), Some(_)) => None,
-        _ => Some(survey::geometry(setup, number)?),
+    let own;
+    let of_interface = match (selections.last(), geometries.last()) {
+        (Some(Accelerations::Interface), Some(last)) => last,
+        _ => {
+            own = survey::geometry(setup, number)?;
+            &own
+        }
     };
-    let of_survey = own.as_ref().or(geometries.last());
-    let of_survey = of_survey.filter(|_| survey::is_driven(run));
+    let of_survey = survey::is_driven(run).then_some(of_interface);
     let (mut units, mut notes) = (None, Vec::new());
     let mut notice = |recording: &Recording| {
         units = Some(StatedUnits::of(setup, run, recording));
@@ -129,6 +142,8 @@ fn pass(
     let mut resultants: Vec<Resultants<'_>> = resultants.collect::<Result<_, _>>()?;
     let sensors = of_survey.map(|g| Sensors::new(&opened, g, &mut of_sensors));
     let mut sensors = sensors.transpose()?;
+    let drives = opened.drives.len();
+    let mut distortions = Distortions::new(of_interface, band.indices(), drives);
     let mut sinks: Vec<&mut dyn super::stream::Sink> = Vec::new();
     for sink in &mut resultants {
         sinks.push(sink);
@@ -136,15 +151,20 @@ fn pass(
     if let Some(sink) = &mut sensors {
         sinks.push(sink);
     }
+    sinks.push(&mut distortions);
     let read = opened.read(&mut sinks, progress)?;
-    let averaged = resultants.into_iter().map(|r| r.finish(&opened));
+    let averaged = resultants
+        .into_iter()
+        .map(|r| r.finish(&opened, &distortions));
     let averaged: Vec<Averaged> = averaged.collect::<Result<_, _>>()?;
     let surveyed = sensors.map(|sensors| sensors.finish(&opened, &read));
     let averaged = averaged
         .into_iter()
         .zip(storages)
         .map(|(a, storage)| a.with(storage));
+    let distortions = distortions.finish(&opened.settings);
     Ok(Passed {
+        distortions,
         units: units.unwrap_or_default(),
         notes,
         surveyed: surveyed.transpose()?,

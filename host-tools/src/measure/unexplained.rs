@@ -22,13 +22,8 @@ const LITTLE: f64 = 0.5;
 const MOVED: f64 = 0.9;
 
 impl Unexplained<'_> {
-    /// Sums of the six accelerations in place of drives and of the six forces, over the averaging band, of blocks
-    /// that begin with so many drives.
-    pub(super) fn sums(band: LineRange, drives: usize) -> DrivesAverage {
-        DrivesAverage::within(band.indices(), drives, 6, 6)
-    }
-
-    /// A warning where the drives explain little of forces that the accelerations do explain, by these sums:
+    /// A warning where the drives explain little of forces that the accelerations do explain, by sums that have the six
+    /// accelerations in place of drives and whose first channels are the forces, over the averaging band:
     /// something else has moved the table.
     pub(super) fn warning(&self, average: &DrivesAverage) -> Option<String> {
         let mean = |c: usize| {

@@ -192,7 +192,7 @@ pub fn estimates(i: &Identification) -> [Option<Estimate>; NUMBERS] {
 
 impl Session<'_> {
     /// Type B uncertainty of an answer; `None` where the setup and the certificates state
-    /// nothing, no gains change within a run, and noise explains what a rigid body leaves.
+    /// nothing, no gains change within a run, no force is distorted, and noise explains what a rigid body leaves.
     ///
     /// # Errors
     /// [`AnswerError`] if the recordings cannot be read once more.
@@ -201,11 +201,12 @@ impl Session<'_> {
         method: Method,
         procedure: Procedure,
         (accelerations, measurement): (&Accelerations, &Measurement),
-        (nominal, gains): (&Found, Vec<ForceGain>),
+        (nominal, [changing, distorted]): (&Found, [Vec<ForceGain>; 2]),
         progress: OnProgress<'_>,
     ) -> Result<Option<TypeB>, AnswerError> {
         let mut sources = sources(self.setup, measurement);
-        sources.extend(of_gains(gains));
+        sources.extend(of_gains("forces that change within a run", changing));
+        sources.extend(of_gains("distortion of forces", distorted));
         let told = sources.len();
         let doubtful = |test: &Consistency| test.probability < WARNED;
         let left = nominal.consistency.filter(doubtful);

@@ -35,10 +35,10 @@ struct Channel {
     stated: Uncertainty,
 }
 
-/// The error of gains that change within runs.
-pub(super) fn of_gains(gains: Vec<ForceGain>) -> Option<Source> {
+/// The error of gains that the data tell, under a name.
+pub(super) fn of_gains(name: &str, gains: Vec<ForceGain>) -> Option<Source> {
     (!gains.is_empty()).then(|| Source {
-        name: "forces that change within a run".to_owned(),
+        name: name.to_owned(),
         error: Error::Forces(gains),
     })
 }
