@@ -4,8 +4,8 @@
 //! # Design
 //!
 //! The measuring pass tells which share of each force follows its own square and cube, and where chance does not
-//! explain one of them, by Student's t over all tests, a second pass tells it of each load cell. They are one source of
-//! type B uncertainty: a distortion bends the gain, and what it was at calibration nobody knows.
+//! explain one of them, by Student's t over all tests, a second pass tells it of each sensor. They are one source of type B
+//! uncertainty: a distortion bends the gain, and what it was at calibration nobody knows.
 //!
 //! For normal samples of standard deviation σ, a force `x + a x³` has a gain of `1 + 3 a σ²` and a distortion of
 //! `√6 a σ²`: the gain is off by 1.22 times the distortion. Of a play of `d ≪ σ` around zero the gain is
@@ -16,16 +16,21 @@
 //!
 //! The gain of a force is bent by what its cells carry of it. Where no cell is told by itself, as of a joint that slips,
 //! the share of the force that tells most in a run is that of all its forces, unless their own is larger: distortions
-//! that are alike cancel in a moment where their forces are opposite, and their gains do not.
+//! that are alike cancel in a moment where their forces are opposite, and their gains do not. An accelerometer that is not
+//! linear bends the forces for a given motion just as cells do that carry its share, and is counted by them.
 
 use super::WARNED;
 use super::mean::{Mean, NEIGHBOURS};
 use super::predicted::{FORCES, measured};
 use crate::format::with_std;
-use crate::measure::{CellDistortions, Distortion, ForceGain, Measurement, Power};
+use crate::measure::{Distortion, ForceGain, Measurement, Power, SensorDistortions};
 use crate::setup::Setup;
 use massline_core::geometry::RESULTANT_NAMES;
 use massline_core::identify::Estimate;
+
+/// Standard deviations of the sensors that tell most, of load cells over accelerometers or the other way round, beyond
+/// which only these are named: a fault of one sensor is in all of the other kind, and in each of them a fraction of it.
+const OTHERWISE: f64 = 1.5;
 
 /// Most signals that are named.
 const SHOWN: usize = 4;
@@ -37,6 +42,8 @@ pub(crate) struct Distorted {
     forces: Vec<OfSignal>,
     /// Of the load cells.
     cells: Vec<OfSignal>,
+    /// Of the accelerometers on the interface.
+    accelerometers: Vec<OfSignal>,
     /// Gains that they may bend, as limits.
     bent: Vec<ForceGain>,
 }
@@ -104,22 +111,26 @@ impl Distorted {
         Self {
             forces,
             bent,
-            cells: Vec::new(),
+            ..Self::default()
         }
     }
 
-    /// The same with those of the load cells, which tell more.
-    pub(super) fn with_cells(self, of_cells: &[CellDistortions]) -> Self {
-        let all = of_cells.iter().flat_map(|of_run| {
-            let cells = of_run.cells.iter();
-            cells.map(|d| (of_run.run, *d))
-        });
-        let cells = clear(&all.collect::<Vec<_>>());
+    /// The same with those of single sensors, which tell more.
+    pub(super) fn with_sensors(self, of_sensors: &[SensorDistortions]) -> Self {
+        let of = |own: fn(&SensorDistortions) -> &[Distortion]| {
+            let all = of_sensors.iter();
+            let all = all.flat_map(|of_run| own(of_run).iter().map(|d| (of_run.run, *d)));
+            clear(&all.collect::<Vec<_>>())
+        };
+        let (cells, accelerometers) = (of(|run| &run.cells), of(|run| &run.accelerometers));
         if cells.is_empty() {
-            return self;
+            return Self {
+                accelerometers,
+                ..self
+            };
         }
         let mut bent = Vec::new();
-        for of_run in of_cells {
+        for of_run in of_sensors {
             let mut shares = [0.0; FORCES];
             for (cell, carried) in of_run.carried.iter().enumerate() {
                 // A cell that is distorted in one run is so in all, as far as the others tell.
@@ -143,6 +154,7 @@ impl Distorted {
         }
         Self {
             cells,
+            accelerometers,
             bent,
             ..self
         }
@@ -150,7 +162,7 @@ impl Distorted {
 
     /// `true` without any distortion.
     pub(super) fn is_empty(&self) -> bool {
-        self.forces.is_empty() && self.cells.is_empty()
+        self.forces.is_empty() && self.cells.is_empty() && self.accelerometers.is_empty()
     }
 
     /// Standard uncertainties of the gains that are bent.
@@ -164,50 +176,34 @@ impl Distorted {
 
     /// All distortions in words; `None` without any.
     pub(super) fn in_words(&self, setup: &Setup) -> Option<String> {
-        if self.is_empty() {
-            return None;
+        let cell = |k: usize| setup.load_cells.get(k).map(|cell| cell.channel.as_str());
+        let sensor = |k: usize| setup.accelerometers.get(k).map(|a| a.channel.as_str());
+        let force = |k: usize| RESULTANT_NAMES.get(k).copied();
+        let (cells, accelerometers) = (clearest(&self.cells), clearest(&self.accelerometers));
+        let clearness = |all: &[&OfSignal]| all.first().map_or(0.0, |first| first.clearness());
+        let (of_cells, of_sensors) = (clearness(&cells), clearness(&accelerometers));
+        let (mut words, mut told) = (Vec::new(), Vec::<&OfSignal>::new());
+        if of_cells > 0.0 && OTHERWISE * of_cells > of_sensors {
+            words.push(list("load cells", &cells, setup, &cell));
+            told.extend(&cells);
         }
-        let of_cells = !self.cells.is_empty();
-        let all = if of_cells { &self.cells } else { &self.forces };
-        let name = |signal: usize| {
-            let cell = setup.load_cells.get(signal).filter(|_| of_cells);
-            let force = RESULTANT_NAMES.get(signal).copied();
-            cell.map_or(force.unwrap_or_default(), |cell| cell.channel.as_str())
-        };
-        let mut clearest: Vec<&OfSignal> = Vec::new();
-        for found in all {
-            match clearest.iter_mut().find(|d| d.signal == found.signal) {
-                Some(other) if other.clearness() < found.clearness() => *other = found,
-                Some(_) => {}
-                None => clearest.push(found),
+        if of_sensors > 0.0 && OTHERWISE * of_sensors > of_cells {
+            words.push(list("accelerometers", &accelerometers, setup, &sensor));
+            told.extend(&accelerometers);
+        }
+        if words.is_empty() {
+            let forces = clearest(&self.forces);
+            if forces.is_empty() {
+                return None;
             }
+            words.push(list("forces", &forces, setup, &force));
+            told.extend(forces);
         }
-        clearest.sort_by(|a, b| b.clearness().total_cmp(&a.clearness()));
-        let words = clearest.iter().take(SHOWN).map(|found| {
-            let run = setup
-                .runs
-                .get(found.run)
-                .map_or("", |run| run.name.as_str());
-            format!(
-                "{} ({} in run \"{run}\")",
-                name(found.signal),
-                found.percent()
-            )
-        });
-        let mut words: Vec<String> = words.collect();
-        if let Some(more @ 1..) = clearest.len().checked_sub(SHOWN) {
-            words.push(format!("and {more} more"));
-        }
-        let gain = clearest.iter().map(|d| d.gain.abs()).fold(0.0, f64::max);
-        let (gain, _) = with_std(100.0 * gain, 10.0 * gain);
+        let bent = told.iter().map(|d| d.gain.abs()).fold(0.0, f64::max);
+        let (gain, _) = with_std(100.0 * bent, 10.0 * bent);
         Some(format!(
-            "the square or the cube of a {} is in it, beside what is linear in the motion: {}. A load cell beyond its range does this, one with too little preload or with play, a joint that slips, or an accelerometer that is no longer linear; gains may be off by {gain} %. Shake less, check ranges, preload and fixing, and record again",
-            if of_cells {
-                "load cell's reading"
-            } else {
-                "force"
-            },
-            words.join(", "),
+            "the square or the cube of a reading is in it, beside what is linear in the motion: {}. A sensor beyond its range does this, a load cell with too little preload or with play, or a joint that slips; gains may be off by {gain} %. Shake less, check ranges, preload and fixing, and record again",
+            words.join("; or else "),
         ))
     }
 
@@ -216,6 +212,39 @@ impl Distorted {
         let held = super::drift::held(held);
         warnings.extend(self.in_words(setup).map(|words| format!("{words}; {held}")));
     }
+}
+
+/// Of each signal the run that tells most, those first that are told best.
+fn clearest(all: &[OfSignal]) -> Vec<&OfSignal> {
+    let mut clearest: Vec<&OfSignal> = Vec::new();
+    for found in all {
+        match clearest.iter_mut().find(|d| d.signal == found.signal) {
+            Some(other) if other.clearness() < found.clearness() => *other = found,
+            Some(_) => {}
+            None => clearest.push(found),
+        }
+    }
+    clearest.sort_by(|a, b| b.clearness().total_cmp(&a.clearness()));
+    clearest
+}
+
+/// Such as `load cells cell1.z (1.52 ± 0.08 % in run "Z")`.
+fn list<'n>(
+    kind: &str,
+    clearest: &[&OfSignal],
+    setup: &Setup,
+    name: &dyn Fn(usize) -> Option<&'n str>,
+) -> String {
+    let words = clearest.iter().take(SHOWN).map(|found| {
+        let run = setup.runs.get(found.run).map_or("", |run| &run.name);
+        let name = name(found.signal).unwrap_or_default();
+        format!("{name} ({} in run \"{run}\")", found.percent())
+    });
+    let mut words: Vec<String> = words.collect();
+    if let Some(more @ 1..) = clearest.len().checked_sub(SHOWN) {
+        words.push(format!("and {more} more"));
+    }
+    format!("{kind} {}", words.join(", "))
 }
 
 /// The share of a power, with what is known of it.

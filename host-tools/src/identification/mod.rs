@@ -32,7 +32,7 @@ pub(crate) use refusal::refusal;
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
 
 use crate::detective::{self, Findings, Undecided};
-use crate::measure::{self, Accelerations, CellDistortions, Measurement, Progress, Survey};
+use crate::measure::{self, Accelerations, Measurement, Progress, SensorDistortions, Survey};
 pub mod modal;
 use crate::setup::{Mount, Setup};
 use massline_core::identify::{self, Covariance, Identification, Procedure, Question, Workspace};
@@ -157,7 +157,7 @@ pub struct Session<'s> {
     with_type_b: bool,
     survey: Option<Rc<Survey>>,
     measurements: Vec<(Accelerations, Rc<Measurement>)>,
-    cells: Option<Rc<[CellDistortions]>>,
+    sensors: Option<Rc<[SensorDistortions]>>,
 }
 
 impl<'s> Session<'s> {
@@ -177,7 +177,7 @@ impl<'s> Session<'s> {
             with_type_b: false,
             survey: None,
             measurements: Vec::new(),
-            cells: None,
+            sensors: None,
         }
     }
 
@@ -282,7 +282,9 @@ impl<'s> Session<'s> {
         };
         let mut found = identify_from(self.setup, method, procedure, &measurement)?;
         let drifts = drift::drifts(&measurement, &found.identification);
-        let distorted = self.distorted(&measurement, progress)?;
+        let doubtful = |test: Consistency| test.probability < WARNED;
+        let doubtful = found.consistency.is_some_and(doubtful);
+        let distorted = self.distorted(&measurement, doubtful, progress)?;
         let type_b = if self.with_type_b {
             let data = (accelerations, &*measurement);
             let gains = [drift::gains(&drifts, &measurement), distorted.gains()];
@@ -411,10 +413,10 @@ impl<'s> Session<'s> {
             return Vec::new();
         };
         let drift = drift::in_words(&answer.drifts, &answer.measurement);
-        let distorted = self.of_cells(&answer.measurement, progress);
+        let distorted = self.of_sensors(&answer.measurement, progress);
         let distorted = distorted.map_or_else(
             |_| answer.distorted.clone(),
-            |cells| answer.distorted.clone().with_cells(&cells),
+            |sensors| answer.distorted.clone().with_sensors(&sensors),
         );
         let distorted = distorted.in_words(self.setup);
         let coupling = answer.coupling.as_ref().map(Coupling::warning);
@@ -438,33 +440,36 @@ impl<'s> Session<'s> {
         measurement.map_or_else(|| Ok(Vec::new()), |m| condense::fixed_modes(self.setup, &m))
     }
 
-    /// Forces that are no linear functions of the motion; with their load cells, for which recordings are read once more.
+    /// Forces that are no linear functions of the motion; with the sensors behind them, for which recordings are
+    /// read once more: also where the data are doubtful, since what is much too large for a test of small faults is not
+    /// told by it.
     fn distorted(
         &mut self,
         measurement: &Measurement,
+        doubtful: bool,
         progress: OnProgress<'_>,
     ) -> Result<Distorted, AnswerError> {
         let found = Distorted::of_forces(measurement);
-        if found.is_empty() {
+        if found.is_empty() && !doubtful {
             return Ok(found);
         }
-        Ok(found.with_cells(&self.of_cells(measurement, progress)?))
+        Ok(found.with_sensors(&self.of_sensors(measurement, progress)?))
     }
 
-    /// Readings of load cells that are no linear functions of the motion.
-    fn of_cells(
+    /// Readings of single sensors that are no linear functions of the motion.
+    fn of_sensors(
         &mut self,
         measurement: &Measurement,
         progress: OnProgress<'_>,
-    ) -> Result<Rc<[CellDistortions]>, AnswerError> {
-        if let Some(known) = &self.cells {
+    ) -> Result<Rc<[SensorDistortions]>, AnswerError> {
+        if let Some(known) = &self.sensors {
             return Ok(Rc::clone(known));
         }
         let limit = self.limit;
-        let cells = measure::cell_distortions(self.setup, measurement, limit, progress)?;
-        let cells: Rc<[CellDistortions]> = cells.into();
-        self.cells = Some(Rc::clone(&cells));
-        Ok(cells)
+        let sensors = measure::sensor_distortions(self.setup, measurement, limit, progress)?;
+        let sensors: Rc<[SensorDistortions]> = sensors.into();
+        self.sensors = Some(Rc::clone(&sensors));
+        Ok(sensors)
     }
 
     /// Averages with the base acceleration from the interface accelerometers; `None` without any.

@@ -17,7 +17,9 @@
 //!   signals that repeat themselves with the blocks.
 //!
 //! The measuring pass does this with the six resultants, which costs little. Where they are distorted, one more pass
-//! does it with each load cell by itself, which tells the cells and how far the gain of each force is bent.
+//! does it with each load cell by itself, which tells the cells and how far the gain of each force is bent; and with each
+//! accelerometer on the interface beside the six forces, since an accelerometer that is not linear is in all forces as the
+//! motion that it tells.
 
 use super::drives::DrivesAverage;
 use super::geometry::RunGeometry;
@@ -25,7 +27,7 @@ use super::opened::Opened;
 use super::powers::Power;
 use super::stream::{Seen, Signal, Sink};
 use super::{MeasureError, Measurement, Progress, survey};
-use crate::setup::{Excitation, Setup};
+use crate::setup::{Excitation, Mount, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{Average, BlockSettings, Complex32};
 use nalgebra::Complex;
@@ -42,7 +44,7 @@ const ROUNDING: f64 = 1e-12;
 /// A power of a signal in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Distortion {
-    /// The signal: 0 to 5 of forces, then moments; or the number of a load cell in the setup.
+    /// The signal: 0 to 5 of forces, then moments; or the number of a load cell or an accelerometer in the setup.
     pub(crate) signal: usize,
     /// The power.
     pub(crate) power: Power,
@@ -57,9 +59,9 @@ pub(crate) struct Distortion {
     pub(crate) noise: f64,
 }
 
-/// The load cells of a run, each by itself.
+/// The load cells and the accelerometers on the interface of a run, each by itself.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct CellDistortions {
+pub(crate) struct SensorDistortions {
     /// Number of the run in the setup.
     pub(crate) run: usize,
     /// Powers of each cell's reading in it.
@@ -67,20 +69,43 @@ pub(crate) struct CellDistortions {
     /// Of each cell, the share of each force and moment in the averaging band that is in phase with it and comes from
     /// this cell.
     pub(crate) carried: Vec<[f64; SIX]>,
+    /// Powers of the reading of each accelerometer in it.
+    pub(crate) accelerometers: Vec<Distortion>,
+}
+
+/// Signals that are tested.
+#[derive(Clone, Debug, PartialEq)]
+enum Tested {
+    /// The six forces beside the accelerations.
+    Forces,
+    /// These channels of the recording, load cells, beside the accelerations.
+    Cells(Vec<usize>),
+    /// These channels, accelerometers, beside the forces.
+    Accelerometers(Vec<usize>),
+}
+
+impl Tested {
+    /// Channels of the recording.
+    fn channels(&self) -> &[usize] {
+        match self {
+            Self::Forces => &[],
+            Self::Cells(channels) | Self::Accelerometers(channels) => channels,
+        }
+    }
 }
 
 /// The consumer of a run that holds signals against their own powers.
 pub(super) struct Distortions<'g> {
     geometry: &'g RunGeometry,
-    /// Channels of the recording that are tested; the six forces where there are none.
-    cells: Range<usize>,
-    /// The six accelerations as drives; as channels the six forces, the cells, and the powers.
+    tested: Tested,
+    /// The six accelerations as drives; as channels the six forces, the channels that are tested, and the powers.
+    /// Accelerations and forces are exchanged where accelerometers are tested.
     sums: DrivesAverage,
     band: Range<usize>,
     drives: usize,
     /// Line by line, products of each signal with its own powers.
     own: Vec<Complex<f64>>,
-    /// Products of each cell with each force, in phase, over all lines.
+    /// Products of each channel with each force, in phase, over all lines.
     with_forces: Vec<[f64; SIX]>,
 }
 
@@ -91,29 +116,19 @@ fn wide(z: &Complex32) -> Complex<f64> {
 impl<'g> Distortions<'g> {
     /// Of the forces: no blocks yet, over the lines of the averaging band, of blocks that begin with so many drives.
     pub(super) fn new(geometry: &'g RunGeometry, band: Range<usize>, drives: usize) -> Self {
-        Self::of(geometry, 0..0, band, drives)
+        Self::of(geometry, Tested::Forces, band, drives)
     }
 
-    /// Of the load cells.
-    fn of_cells(geometry: &'g RunGeometry, band: Range<usize>, drives: usize) -> Self {
-        let cells = geometry.accelerometers()..geometry.columns.len();
-        Self::of(geometry, cells, band, drives)
-    }
-
-    fn of(
-        geometry: &'g RunGeometry,
-        cells: Range<usize>,
-        band: Range<usize>,
-        drives: usize,
-    ) -> Self {
-        let signals = if cells.is_empty() { SIX } else { cells.len() };
-        let channels = SIX + cells.len() + signals * POWERS;
+    fn of(geometry: &'g RunGeometry, tested: Tested, band: Range<usize>, drives: usize) -> Self {
+        let extra = tested.channels().len();
+        let signals = if extra == 0 { SIX } else { extra };
+        let channels = SIX + extra + signals * POWERS;
         Self {
             geometry,
             sums: DrivesAverage::within(band.clone(), drives, SIX, channels),
             own: vec![Complex::default(); band.len() * signals * POWERS],
-            with_forces: vec![[0.0; SIX]; cells.len()],
-            cells,
+            with_forces: vec![[0.0; SIX]; extra],
+            tested,
             band,
             drives,
         }
@@ -121,10 +136,9 @@ impl<'g> Distortions<'g> {
 
     /// Number of the first signal among the channels of the sums, and number of signals.
     fn signals(&self) -> (usize, usize) {
-        if self.cells.is_empty() {
-            (0, SIX)
-        } else {
-            (SIX, self.cells.len())
+        match &self.tested {
+            Tested::Forces => (0, SIX),
+            tested => (SIX, tested.channels().len()),
         }
     }
 
@@ -146,7 +160,7 @@ impl<'g> Distortions<'g> {
         let split = lines.map(|line| Split::of(&self.sums, line, &used));
         let split: Vec<Split> = split.collect();
         let measured = |signal: &usize| {
-            !self.cells.is_empty() || self.geometry.equations.measured(*signal) > 0.5
+            self.tested != Tested::Forces || self.geometry.equations.measured(*signal) > 0.5
         };
         let signals = (0..self.signals().1).filter(measured);
         let powers = signals.flat_map(|s| (0..POWERS).map(move |power| s * POWERS + power));
@@ -195,8 +209,8 @@ impl<'g> Distortions<'g> {
                 .sum::<f64>()
         };
         let forces: [f64; SIX] = core::array::from_fn(power);
-        let columns = self.geometry.columns.get(self.cells.clone());
-        let columns = columns.unwrap_or_default().iter();
+        let column = |channel: &usize| self.geometry.columns.get(*channel);
+        let columns = self.tested.channels().iter().filter_map(column);
         let carried = columns.zip(&self.with_forces).map(|(column, with)| {
             core::array::from_fn(|force| {
                 let share = column[SIX + force] * with[force] / forces[force];
@@ -246,11 +260,14 @@ impl Split {
 
 impl Sink for Distortions<'_> {
     fn channels(&self) -> Vec<Signal<'_>> {
-        let resultants = (0..RESULTANTS).map(|r| Signal::Resultant(self.geometry, r));
-        let cells = self
-            .cells
-            .clone()
-            .map(|channel| Signal::Channel(channel, 1.0));
+        let first = match &self.tested {
+            Tested::Accelerometers(_) => SIX,
+            _ => 0,
+        };
+        let resultants = (0..RESULTANTS).map(|r| (first + r) % RESULTANTS);
+        let resultants = resultants.map(|r| Signal::Resultant(self.geometry, r));
+        let cells = self.tested.channels().iter();
+        let cells = cells.map(|channel| Signal::Channel(*channel, 1.0));
         let (first, signals) = self.signals();
         let first = SIX + first;
         let of = |signal| Power::ALL.map(|power| Signal::Power(signal, power));
@@ -284,17 +301,23 @@ impl Sink for Distortions<'_> {
     }
 }
 
-/// Reads the random runs of a setup once more, for each load cell by itself. `limit` is that of the measurement.
+/// Reads the random runs of a setup once more, for each load cell and each accelerometer on the interface by itself.
+/// `limit` is that of the measurement.
 ///
 /// # Errors
 /// [`MeasureError`] that names file, line and channel.
-pub(crate) fn cell_distortions(
+pub(crate) fn sensor_distortions(
     setup: &Setup,
     measurement: &Measurement,
     limit: Option<u64>,
     progress: &mut dyn FnMut(Progress<'_>),
-) -> Result<Vec<CellDistortions>, MeasureError> {
+) -> Result<Vec<SensorDistortions>, MeasureError> {
     let mut settings = measurement.runs.first().map(|run| *run.settings());
+    let mounts = setup.accelerometers.iter().map(|entry| entry.mount);
+    let interface = mounts
+        .enumerate()
+        .filter(|(_, mount)| *mount == Mount::Interface);
+    let interface: Vec<usize> = interface.map(|(number, _)| number).collect();
     let mut all = Vec::new();
     for (number, run) in setup.runs.iter().enumerate() {
         if run.excitation != Excitation::Random {
@@ -303,13 +326,21 @@ pub(crate) fn cell_distortions(
         let mut report = |share| progress(Progress::of(setup, number, share));
         let geometry = survey::geometry(setup, number)?;
         let mut opened = Opened::new(setup, number, limit, &mut settings, &mut |_| Ok(()))?;
-        let band = opened.band()?.indices();
-        let mut cells = Distortions::of_cells(&geometry, band, opened.drives.len());
-        opened.read(&mut [&mut cells], &mut report)?;
-        all.push(CellDistortions {
+        let (band, drives) = (opened.band()?.indices(), opened.drives.len());
+        let cells = (geometry.accelerometers()..geometry.columns.len()).collect();
+        let of = |tested| Distortions::of(&geometry, tested, band.clone(), drives);
+        let mut cells = of(Tested::Cells(cells));
+        let mut others = of(Tested::Accelerometers(interface.clone()));
+        opened.read(&mut [&mut cells, &mut others], &mut report)?;
+        let mut accelerometers = others.finish(&opened.settings);
+        for found in &mut accelerometers {
+            found.signal = interface.get(found.signal).copied().unwrap_or_default();
+        }
+        all.push(SensorDistortions {
             run: number,
             cells: cells.finish(&opened.settings),
             carried: cells.carried(),
+            accelerometers,
         });
     }
     Ok(all)

@@ -34,7 +34,7 @@ pub use crate::setup::WINDOW;
 pub use blocks::BlockStorage;
 pub(crate) use change::Change;
 pub(crate) use channels::{Added, Channels, channels, channels_of_samples};
-pub(crate) use distortion::{CellDistortions, Distortion, cell_distortions};
+pub(crate) use distortion::{Distortion, SensorDistortions, sensor_distortions};
 pub(crate) use early_late::{EarlyLate, ForceGain, Products};
 pub use error::MeasureError;
 pub(crate) use geometry::channel_names;
