@@ -17,7 +17,8 @@
 //! The gain of a force is bent by what its cells carry of it. Where no cell is told by itself, as of a joint that slips,
 //! the share of the force that tells most in a run is that of all its forces, unless their own is larger: distortions
 //! that are alike cancel in a moment where their forces are opposite, and their gains do not. An accelerometer that is not
-//! linear bends the forces for a given motion just as cells do that carry its share, and is counted by them.
+//! linear bends the forces for a given motion just as cells do that carry its share, and is counted by them; where none of
+//! them tells it, nothing is known of what it bends.
 
 use super::WARNED;
 use super::mean::{Mean, NEIGHBOURS};
@@ -53,7 +54,7 @@ pub(crate) struct Distorted {
 struct OfSignal {
     /// Number of the run in the setup.
     run: usize,
-    /// Number of the force, or of the load cell.
+    /// Number of the force, of the load cell or of the accelerometer.
     signal: usize,
     /// Share of the power that tells most of it.
     most: Mean,
@@ -207,9 +208,10 @@ impl Distorted {
         ))
     }
 
-    /// A warning of all distortions, and if intervals hold them: those with type B uncertainty.
+    /// A warning of all distortions, and if intervals hold them: those with type B uncertainty, where it is known what
+    /// they bend.
     pub(super) fn notice(&self, setup: &Setup, held: bool, warnings: &mut Vec<String>) {
-        let held = super::drift::held(held);
+        let held = super::drift::held(held && !self.bent.is_empty());
         warnings.extend(self.in_words(setup).map(|words| format!("{words}; {held}")));
     }
 }
