@@ -203,7 +203,7 @@ impl Distorted {
         let bent = told.iter().map(|d| d.gain.abs()).fold(0.0, f64::max);
         let (gain, _) = with_std(100.0 * bent, 10.0 * bent);
         Some(format!(
-            "the square or the cube of a reading is in it, beside what is linear in the motion: {}. A sensor beyond its range does this, a load cell with too little preload or with play, or a joint that slips; gains may be off by {gain} %. Shake less, check ranges, preload and fixing, and record again",
+            "these readings are not linear in the motion, since their own square or cube is in them: {}. A sensor beyond its range does this, a load cell with too little preload or with play, or a joint that slips; gains may be off by {gain} %. Shake less, check ranges, preload and fixing, and record again",
             words.join("; or else "),
         ))
     }

@@ -14,8 +14,8 @@ pub(super) fn section(result: &ResultDocument) -> Option<Section> {
     let mut html = String::from(
         "<p>Type A is what scatters from sample to sample, type B what the setup and the \
          certificates state of calibrations, positions and directions, which would be the same in \
-         the next test with these sensors, what forces change within a run, and errors of sensors as large as the \
-         misfit of a rigid body tells. Both columns are standard uncertainties (k = 1). The \
+         the next test with these sensors, what forces change within a run, what readings that are \
+         not linear may bend, and errors of sensors as large as the misfit of a rigid body tells. Both columns are standard uncertainties (k = 1). The \
          intervals above cover both, with the effective degrees of freedom of Welch and Satterthwaite.</p>\
          <div class=\"wide\"><table class=\"plain\"><thead><tr><th scope=\"col\">Property</th>\
          <th scope=\"col\" class=\"num\">Type A</th><th scope=\"col\" class=\"num\">Type B</th>\

@@ -7,7 +7,7 @@ use massline::identification::{Answer, Session, estimates, number};
 /// The warning of forces that are distorted.
 pub fn told(answer: &Answer) -> Option<&str> {
     let mut warnings = answer.warnings.iter();
-    let found = warnings.find(|w| w.starts_with("the square or the cube of a reading"));
+    let found = warnings.find(|w| w.starts_with("these readings are not linear"));
     found.map(String::as_str)
 }
 
@@ -33,7 +33,7 @@ fn distorted_cells_are_told_and_held() {
         let setup = satellite(&folder, (20.0, 1, drive), &mut distorted);
         let answer = identify(&setup, None);
         let said = told(&answer).expect("a distortion");
-        assert!(said.contains("in the motion: load cells cell"), "{said}");
+        assert!(said.contains("in them: load cells cell"), "{said}");
         assert!(said.ends_with("the intervals with type B uncertainty hold it"));
         let truth = std::fs::read_to_string(folder.path().join("truth.json")).unwrap();
         let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
@@ -67,10 +67,7 @@ fn a_distorted_cell_is_named() {
     let setup = satellite(&folder, (20.0, 1, true), &mut distorted);
     let answer = identify(&setup, None);
     let said = told(&answer).expect("a distortion");
-    assert!(
-        said.contains("in the motion: load cells cell3.y ("),
-        "{said}"
-    );
+    assert!(said.contains("in them: load cells cell3.y ("), "{said}");
     assert!(said.contains("\"). A sensor beyond"), "one alone: {said}");
     let told = said
         .split(['(', ' '])
@@ -103,7 +100,7 @@ fn a_distorted_accelerometer_is_named() {
         let setup = satellite(&folder, (20.0, 1, true), &mut distorted);
         let answer = identify(&setup, None);
         let said = told(&answer).expect("a distortion");
-        assert!(said.contains("motion: accelerometers base2.y ("), "{said}");
+        assert!(said.contains("in them: accelerometers base2.y ("), "{said}");
         assert!(said.contains("\"). A sensor beyond"), "one alone: {said}");
     }
 }
@@ -122,10 +119,7 @@ fn a_check_looks_at_each_cell() {
     let [note] = notes.as_slice() else {
         panic!("{notes:?}");
     };
-    assert!(
-        note.contains("in the motion: load cells cell3.y ("),
-        "{note}"
-    );
+    assert!(note.contains("in them: load cells cell3.y ("), "{note}");
 }
 
 /// One force of known distortion: the share that is told, and the uncertainty of the mass, whose limit is √6 times that.
@@ -157,7 +151,7 @@ fn the_share_is_that_of_normal_samples() {
             "{drive}: {b} {expected}"
         );
         let said = told(&answer).expect("a distortion");
-        assert!(said.contains("in the motion: load cells fz (0.2"), "{said}");
+        assert!(said.contains("in them: load cells fz (0.2"), "{said}");
     }
 }
 
