@@ -216,7 +216,8 @@ impl<'s> Session<'s> {
         }
     }
 
-    /// A session whose averages are there already: with these accelerations nothing is read.
+    /// A session whose averages are there already: with these accelerations nothing is read, and single sensors are not
+    /// looked at.
     #[must_use]
     pub(crate) fn of_measurements(
         setup: &'s Setup,
@@ -224,6 +225,7 @@ impl<'s> Session<'s> {
     ) -> Self {
         Self {
             measurements,
+            sensors: Some(Rc::from([])),
             ..Self::new(setup)
         }
     }
