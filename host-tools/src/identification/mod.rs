@@ -409,17 +409,15 @@ impl<'s> Session<'s> {
     }
 
     /// What the examination of the sensors does not see, in words: load cells without an entry in the setup, forces that
-    /// change within runs or are distorted, and forces or accelerations that are coupled to alternating current. None where the data allow no answer.
+    /// change within runs, readings that are not linear, and forces or accelerations that are coupled to alternating
+    /// current. None where the data allow no answer.
     pub fn notes(&mut self, progress: OnProgress<'_>) -> Vec<String> {
         let Ok(answer) = self.answer(&Choice::default(), progress) else {
             return Vec::new();
         };
         let drift = drift::in_words(&answer.drifts, &answer.measurement);
-        let distorted = self.of_sensors(&answer.measurement, progress);
-        let distorted = distorted.map_or_else(
-            |_| answer.distorted.clone(),
-            |sensors| answer.distorted.clone().with_sensors(&sensors),
-        );
+        let distorted = self.distorted(&answer.measurement, true, progress);
+        let distorted = distorted.as_ref().unwrap_or(&answer.distorted);
         let distorted = distorted.in_words(self.setup);
         let coupling = answer.coupling.as_ref().map(Coupling::warning);
         let unlisted = answer.measurement.unlisted_cells();
@@ -443,8 +441,8 @@ impl<'s> Session<'s> {
     }
 
     /// Forces that are no linear functions of the motion; with the sensors behind them, for which recordings are
-    /// read once more: also where the data are doubtful, since what is much too large for a test of small faults is not
-    /// told by it.
+    /// read once more. Where the data are `doubtful` sensors are looked at in any case: faults that are far too large are
+    /// not told by the forces.
     fn distorted(
         &mut self,
         measurement: &Measurement,

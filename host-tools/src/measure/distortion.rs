@@ -21,7 +21,7 @@
 //! accelerometer on the interface beside the six forces, since an accelerometer that is not linear is in all forces as the
 //! motion that it tells.
 
-use super::drives::DrivesAverage;
+use super::drives::{DrivesAverage, wide};
 use super::geometry::RunGeometry;
 use super::opened::Opened;
 use super::powers::Power;
@@ -29,7 +29,7 @@ use super::stream::{Seen, Signal, Sink};
 use super::{MeasureError, Measurement, Progress, survey};
 use crate::setup::{Excitation, Mount, Setup};
 use massline_core::geometry::RESULTANTS;
-use massline_core::spectra::{Average, BlockSettings, Complex32};
+use massline_core::spectra::{Average, BlockSettings};
 use nalgebra::Complex;
 use std::ops::Range;
 
@@ -92,6 +92,22 @@ impl Tested {
             Self::Cells(channels) | Self::Accelerometers(channels) => channels,
         }
     }
+
+    /// Number of the first signal among the channels of the sums, and number of signals.
+    fn signals(&self) -> (usize, usize) {
+        match self {
+            Self::Forces => (0, SIX),
+            Self::Cells(channels) | Self::Accelerometers(channels) => (SIX, channels.len()),
+        }
+    }
+
+    /// Number of load cells among the channels.
+    fn cells(&self) -> usize {
+        match self {
+            Self::Cells(channels) => channels.len(),
+            Self::Forces | Self::Accelerometers(_) => 0,
+        }
+    }
 }
 
 /// The consumer of a run that holds signals against their own powers.
@@ -105,12 +121,8 @@ pub(super) struct Distortions<'g> {
     drives: usize,
     /// Line by line, products of each signal with its own powers.
     own: Vec<Complex<f64>>,
-    /// Products of each channel with each force, in phase, over all lines.
+    /// Products of each load cell with each force, in phase, over all lines.
     with_forces: Vec<[f64; SIX]>,
-}
-
-fn wide(z: &Complex32) -> Complex<f64> {
-    Complex::new(f64::from(z.re), f64::from(z.im))
 }
 
 impl<'g> Distortions<'g> {
@@ -120,25 +132,16 @@ impl<'g> Distortions<'g> {
     }
 
     fn of(geometry: &'g RunGeometry, tested: Tested, band: Range<usize>, drives: usize) -> Self {
-        let extra = tested.channels().len();
-        let signals = if extra == 0 { SIX } else { extra };
-        let channels = SIX + extra + signals * POWERS;
+        let (_, signals) = tested.signals();
+        let channels = SIX + tested.channels().len() + signals * POWERS;
         Self {
             geometry,
             sums: DrivesAverage::within(band.clone(), drives, SIX, channels),
             own: vec![Complex::default(); band.len() * signals * POWERS],
-            with_forces: vec![[0.0; SIX]; extra],
+            with_forces: vec![[0.0; SIX]; tested.cells()],
             tested,
             band,
             drives,
-        }
-    }
-
-    /// Number of the first signal among the channels of the sums, and number of signals.
-    fn signals(&self) -> (usize, usize) {
-        match &self.tested {
-            Tested::Forces => (0, SIX),
-            tested => (SIX, tested.channels().len()),
         }
     }
 
@@ -162,7 +165,7 @@ impl<'g> Distortions<'g> {
         let measured = |signal: &usize| {
             self.tested != Tested::Forces || self.geometry.equations.measured(*signal) > 0.5
         };
-        let signals = (0..self.signals().1).filter(measured);
+        let signals = (0..self.tested.signals().1).filter(measured);
         let powers = signals.flat_map(|s| (0..POWERS).map(move |power| s * POWERS + power));
         let shares = powers.filter_map(|own| self.share(&split, own, left));
         shares.collect()
@@ -170,7 +173,7 @@ impl<'g> Distortions<'g> {
 
     /// The share of a power in its signal, of so many independent blocks beyond those for the accelerations.
     fn share(&self, split: &[Split], own: usize, left: f64) -> Option<Distortion> {
-        let (first, signals) = self.signals();
+        let (first, signals) = self.tested.signals();
         let (x, c) = (first + own / POWERS, first + signals + own);
         let (mut together, mut powers, mut variance, mut noise) = (0.0, 0.0, 0.0, 0.0);
         for (line, products) in split.iter().zip(self.own.chunks(signals * POWERS)) {
@@ -268,7 +271,7 @@ impl Sink for Distortions<'_> {
         let resultants = resultants.map(|r| Signal::Resultant(self.geometry, r));
         let cells = self.tested.channels().iter();
         let cells = cells.map(|channel| Signal::Channel(*channel, 1.0));
-        let (first, signals) = self.signals();
+        let (first, signals) = self.tested.signals();
         let first = SIX + first;
         let of = |signal| Power::ALL.map(|power| Signal::Power(signal, power));
         let powers = (first..first + signals).flat_map(of);
@@ -281,7 +284,7 @@ impl Sink for Distortions<'_> {
             let lines = block.channel(self.drives + SIX + c).get(self.band.clone());
             lines.unwrap_or_default()
         };
-        let (first, signals) = self.signals();
+        let (first, signals) = self.tested.signals();
         let powers = signals * POWERS;
         for power in 0..powers {
             let signal = lines(first + power / POWERS).iter();

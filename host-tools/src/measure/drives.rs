@@ -255,6 +255,11 @@ impl DrivesAverage {
     }
 }
 
+/// A line in double precision.
+pub(super) fn wide(z: &Complex32) -> Complex<f64> {
+    Complex::new(f64::from(z.re), f64::from(z.im))
+}
+
 impl DrivesAverage {
     /// Takes a block, whose channels are given by their numbers.
     pub(super) fn add_channels<'a>(&mut self, block: &dyn Fn(usize) -> &'a [Complex32]) {
@@ -269,8 +274,7 @@ impl DrivesAverage {
         let mut x = vec![Complex::default(); all.len()];
         for (line, sums) in self.sums.chunks_exact_mut(each.max(1)).enumerate() {
             for (x, lines) in x.iter_mut().zip(&all) {
-                let z = lines.get(line).copied().unwrap_or_default();
-                *x = Complex::new(f64::from(z.re), f64::from(z.im));
+                *x = lines.get(line).map(wide).unwrap_or_default();
             }
             let (drives, channels) = x.split_at(n);
             let (of_drives, of_channels) = sums.split_at_mut(n * n);

@@ -363,4 +363,27 @@ mod tests {
             assert_eq!(found, expected);
         }
     }
+
+    /// Samples with faults, which may be no numbers, have no part in the mean and the variance behind powers.
+    #[test]
+    fn powers_are_of_good_samples() {
+        let mut shared = Shared {
+            made: vec![Made::Scaled(0, 1.0), Made::Power(0, Power::Square)],
+            origins: Vec::new(),
+            powers: Vec::new(),
+            consumers: Vec::new(),
+        };
+        shared.settle();
+        let mut into = shared.room();
+        let mut write = |x: f32, good: bool| {
+            let sums = |_| Six::default();
+            shared.write((&[x], good), sums, &mut into).to_vec()
+        };
+        for x in [1.0, -1.0].into_iter().cycle().take(200) {
+            write(f32::NAN, false);
+            write(x, true);
+        }
+        // x² / √m, of a variance of 1.
+        assert_eq!(write(2.0, true), [2.0, 4.0]);
+    }
 }
