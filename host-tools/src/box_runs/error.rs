@@ -34,6 +34,14 @@ pub enum BoxRunError {
         /// The channels.
         channels: [String; 2],
     },
+    /// Couplings to alternating current that differ.
+    #[error(
+        "`ac_corner` of channel `{}` and of channel `{}` differ, and the box does not correct that: have it recorded by `massline board record`, and `massline identify` the recordings", .channels[0], .channels[1]
+    )]
+    Coupled {
+        /// The channels.
+        channels: [String; 2],
+    },
     /// Blocks and lines that do not fit the sample rate.
     #[error("at {rate} samples/s {reason}")]
     Processing {

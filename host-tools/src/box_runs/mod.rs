@@ -86,6 +86,10 @@ impl<'s> BoxTest<'s> {
         let settings = settings_at(processing, rate);
         let settings = settings.map_err(|error| unfit(error.to_string()))?;
         plan::check(setup, &[method], &settings, &device)?;
+        let alike = setup.are_coupled_alike();
+        alike.map_err(|channels| BoxRunError::Coupled {
+            channels: channels.map(str::to_owned),
+        })?;
         Ok(Self {
             setup,
             method,

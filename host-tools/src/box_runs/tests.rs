@@ -65,6 +65,33 @@ fn only(run: usize, seconds: Option<f64>) -> Measuring {
     }
 }
 
+/// The box forms resultants of what its inputs read, one behind a coupling and one not.
+#[test]
+fn couplings_that_differ_are_refused() {
+    let (mut setup, inputs, wired) = fork();
+    let mut own = HostBoxMemory::new();
+    let mut memory = ClientMemory::new();
+    let mut client = Client::new(HostBox::with_inputs(&mut own, 1, inputs), &mut memory);
+    let mut test = |setup: &Setup| {
+        let method = Method::ApparentMass;
+        BoxTest::new(&mut client, setup, &wired, method, false).map(|_| ())
+    };
+    for cell in &mut setup.load_cells {
+        cell.ac_corner = 0.1;
+    }
+    let refused = test(&setup).unwrap_err().to_string();
+    let [first, cell] = [
+        &setup.accelerometers[0].channel,
+        &setup.load_cells[0].channel,
+    ];
+    let expected = format!("`ac_corner` of channel `{first}` and of channel `{cell}` differ");
+    assert!(refused.starts_with(&expected), "{refused}");
+    for sensor in &mut setup.accelerometers {
+        sensor.ac_corner = 0.1;
+    }
+    test(&setup).unwrap();
+}
+
 #[test]
 fn runs_stay_on_the_box_until_the_setup_is_another() {
     let (setup, inputs, wired) = fork();

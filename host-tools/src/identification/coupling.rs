@@ -18,6 +18,7 @@ use super::predicted::{Line, is_predicted, matrix, measured};
 use super::refusal::Refusal;
 use crate::format::{plain, with_std};
 use crate::measure::{MeasuredRun, Measurement};
+use crate::setup::Setup;
 use massline_core::identify::{Estimate, Identification};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
@@ -41,10 +42,17 @@ pub(crate) struct Coupling {
     corner: Mean,
     /// Lowest line, Hz.
     lowest: f64,
+    /// Keys `ac_corner` of the accelerometers and of the load cells, Hz; `None` where those of either kind differ.
+    stated: Option<[f64; 2]>,
 }
 
-/// The coupling that the runs tell together; `None` where chance explains what there is.
-pub(super) fn coupling(measurement: &Measurement, found: &Identification) -> Option<Coupling> {
+/// The coupling that the runs tell together, beside those that the setup states; `None` where chance explains what
+/// there is.
+pub(super) fn coupling(
+    setup: &Setup,
+    measurement: &Measurement,
+    found: &Identification,
+) -> Option<Coupling> {
     let of = |of_run: &dyn Fn(&MeasuredRun) -> Vec<(usize, Mean)>| {
         let runs = measurement.runs.iter();
         Mean::of_runs(
@@ -61,7 +69,13 @@ pub(super) fn coupling(measurement: &Measurement, found: &Identification) -> Opt
     let first = measurement.band.indices().start;
     let lowest = measurement.grid?.frequency(first);
     let is_one = corner.probability() < WARNED && corner.value.abs() > SAID * lowest;
-    is_one.then_some(Coupling { corner, lowest })
+    let motion = one(setup.accelerometers.iter().map(|a| a.ac_corner));
+    let force = one(setup.load_cells.iter().map(|c| c.ac_corner));
+    is_one.then_some(Coupling {
+        corner,
+        lowest,
+        stated: motion.zip(force).map(<[f64; 2]>::from),
+    })
 }
 
 impl Coupling {
@@ -96,11 +110,24 @@ impl Coupling {
     /// What to do about it.
     fn remedy(&self) -> String {
         let above = ABOVE * self.corner.value.abs();
-        if above <= self.lowest {
-            return "couple both alike".to_owned();
+        let mut ways = Vec::new();
+        if let Some([motion, force]) = self.stated {
+            let further = force - motion + self.corner.value;
+            let (list, corner) = if further > 0.0 {
+                ("load_cell", motion + further)
+            } else {
+                ("accelerometer", force - further)
+            };
+            let corner = plain(corner, 3);
+            ways.push(format!(
+                "write `ac_corner = {corner}` into every [[{list}]] if its data sheet agrees"
+            ));
         }
-        let above = plain(above, 2);
-        format!("couple both alike, or begin `averaging_band` at {above} Hz")
+        ways.push("couple both alike".to_owned());
+        if above > self.lowest {
+            ways.push(format!("begin `averaging_band` at {} Hz", plain(above, 2)));
+        }
+        ways.join(", or ")
     }
 
     /// A warning.
@@ -124,6 +151,12 @@ impl Coupling {
             remedy: self.remedy(),
         })
     }
+}
+
+/// The number that all are.
+fn one(mut all: impl Iterator<Item = f64>) -> Option<f64> {
+    let first = all.next()?;
+    all.all(|other| other == first).then_some(first)
 }
 
 /// One kilogram without any inertia.
@@ -261,6 +294,7 @@ mod tests {
                 noise: 0.0,
             },
             lowest: 2.0,
+            stated: Some([0.0, 0.0]),
         };
         assert!(of(0.5).refusal().is_none());
         let refused = of(-1.0).refusal().unwrap();
@@ -278,7 +312,33 @@ mod tests {
         );
         assert_eq!(
             refused.remedy,
-            "couple both alike, or begin `averaging_band` at 10 Hz"
+            "write `ac_corner = 1` into every [[accelerometer]] if its data sheet agrees, or couple both alike, or begin `averaging_band` at 10 Hz"
         );
+        // Beside what is stated: too high a corner of either kind looks like a coupling of the other.
+        for (stated, value, expected) in [
+            (
+                [0.3, 0.0],
+                -0.1,
+                "ac_corner = 0.4` into every [[accelerometer]]",
+            ),
+            (
+                [0.3, 0.0],
+                0.1,
+                "ac_corner = 0.2` into every [[accelerometer]]",
+            ),
+            ([0.3, 0.0], 0.4, "ac_corner = 0.4` into every [[load_cell]]"),
+            ([0.3, 0.5], 0.1, "ac_corner = 0.6` into every [[load_cell]]"),
+        ] {
+            let told = Coupling {
+                stated: Some(stated),
+                ..of(value)
+            };
+            assert!(told.remedy().contains(expected), "{}", told.remedy());
+        }
+        let differing = Coupling {
+            stated: None,
+            ..of(0.1)
+        };
+        assert_eq!(differing.remedy(), "couple both alike");
     }
 }

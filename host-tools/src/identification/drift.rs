@@ -63,7 +63,8 @@ pub(super) fn drifts(measurement: &Measurement, found: &Identification) -> Vec<D
     let halves = measurement
         .runs
         .iter()
-        .filter_map(|run| Some((run, run.early_late.as_deref()?)));
+        .filter_map(|run| Some((run, run.early_late.as_deref()?)))
+        .filter(|(_, halves)| halves.tell_changes());
     let runs: Vec<(usize, Vec<(usize, Mean)>)> = halves
         .map(|(run, halves)| (run.number, of_run(run, halves, &matrix)))
         .collect();

@@ -307,7 +307,7 @@ impl<'s> Session<'s> {
             consistency: found.consistency,
             widened: true,
         };
-        let coupling = coupling::coupling(&measurement, &found.identification);
+        let coupling = coupling::coupling(self.setup, &measurement, &found.identification);
         let coupled = coupling.as_ref().and_then(Coupling::refusal);
         let refused = coupled.or_else(|| refusal(&judged));
         notice::notice(&judged, &measurement, &mut warnings);

@@ -14,7 +14,7 @@ use std::ops::Range;
 
 /// Most moments that are kept.
 const MOMENTS: usize = 32;
-/// Least blocks of a half.
+/// Blocks of the shorter half from which the halves tell a change.
 const LEAST: u32 = 8;
 
 /// Products of the twelve resultants at a line, summed over blocks: the part that is coherent with the drives, or
@@ -28,6 +28,15 @@ pub(crate) struct EarlyLate {
     pub(crate) early: Vec<Products>,
     /// The same in the second half.
     pub(crate) late: Vec<Products>,
+    /// Blocks of the shorter half.
+    blocks: u32,
+}
+
+impl EarlyLate {
+    /// `true` if both halves are long enough to be held against each other.
+    pub(crate) fn tell_changes(&self) -> bool {
+        self.blocks >= LEAST
+    }
 }
 
 /// Sums of a run up to several moments.
@@ -65,18 +74,20 @@ impl Moments {
         self.kept.push((blocks, of_band(sums, &self.band)));
     }
 
-    /// Both halves; `None` of a run that is too short for them.
+    /// Both halves; `None` of a run of one block.
     pub(super) fn halves(self, sums: &Sums<'_>) -> Option<EarlyLate> {
         let all = sums.blocks();
         let near = |(blocks, _): &(u32, DrivesAverage)| blocks.abs_diff(all / 2);
         let (blocks, early) = self.kept.into_iter().min_by_key(near)?;
-        if blocks.min(all - blocks) < LEAST {
+        let shorter = blocks.min(all - blocks);
+        if shorter == 0 {
             return None;
         }
         let late = of_band(sums, &self.band).since(&early);
         Some(EarlyLate {
             early: products(&early),
             late: products(&late),
+            blocks: shorter,
         })
     }
 }
@@ -317,10 +328,13 @@ mod tests {
     }
 
     #[test]
-    fn a_short_run_has_no_halves() {
+    fn halves_of_a_short_run_tell_no_changes() {
         for drives in [0, 1, 2] {
-            assert_eq!(halves(drives, 15).0, None);
-            assert!(halves(drives, 16).0.is_some());
+            assert_eq!(halves(drives, 1).0, None);
+            for (blocks, tell) in [(2, false), (15, false), (16, true)] {
+                let found = halves(drives, blocks).0.unwrap();
+                assert_eq!(found.tell_changes(), tell, "{drives} {blocks}");
+            }
         }
     }
 

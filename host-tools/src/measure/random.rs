@@ -326,7 +326,12 @@ pub(super) fn conclude(
     let run = &setup.runs[*number];
     let count = averaged.blocks;
     warnings.extend(averaged.notes);
-    warnings.extend(ended.notes.iter().cloned());
+    for note in &ended.notes {
+        // One that is of all recordings is given once.
+        if !warnings.contains(note) {
+            warnings.push(note.clone());
+        }
+    }
     if count < 2 && rejected.blocks > 0 {
         return Err(MeasureError::TooFaulty {
             file: file.clone(),

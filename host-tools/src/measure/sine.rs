@@ -99,6 +99,18 @@ pub(super) fn read(
     };
     let mut hash = DefaultHasher::new();
     let mut resolution = ResultantNoise::default();
+    let uncoupled = |channel, frequency| {
+        // 1 / (s / (s + 2π c)) at s = 2π i f.
+        let corner = setup.ac_corner(channel);
+        Complex::new(
+            1.0,
+            if corner == 0.0 {
+                0.0
+            } else {
+                -corner / frequency
+            },
+        )
+    };
     let mut row = vec![0.0; columns.len()];
     while recording.next_row_f64(|i, x| row[i] = x)? {
         let frequency = row[0];
@@ -120,7 +132,7 @@ pub(super) fn read(
         let mut sensors = Vec::with_capacity(sensors_of);
         let mut readings = Vec::with_capacity(names.len());
         for (c, pair) in row[1..].chunks_exact(2).enumerate() {
-            let x = Complex::new(pair[0], pair[1]);
+            let x = Complex::new(pair[0], pair[1]) * uncoupled(names[c], frequency);
             hash.write_u64(pair[0].to_bits());
             hash.write_u64(pair[1].to_bits());
             let column = &measured.geometry.columns[c];

@@ -5,9 +5,9 @@
 //! Kaiser window of 97 samples: 1e-5 of the reading at most up to 0.45 of the sample rate, where the
 //! lines that are used end.
 
+use super::around::{Around, Row};
 use super::source::Place;
 use massline_firmware::wire::Health;
-use std::collections::VecDeque;
 use std::f64::consts::PI;
 
 /// Most samples that a channel may be late or early.
@@ -16,13 +16,6 @@ pub(crate) const MOST_DELAY: u16 = 4096;
 const REACH: i64 = 48;
 /// Shape of the Kaiser window: side lobes 118 dB down.
 const SHAPE: f64 = 12.0;
-
-/// A sample of the file.
-struct Row {
-    readings: Vec<f64>,
-    place: Place,
-    health: Health,
-}
 
 /// A channel that is late: its reading is the sum of `weights` times the readings from `first`
 /// samples after the sample on.
@@ -33,31 +26,33 @@ struct Late {
 
 impl Late {
     fn new(delay: f64) -> Self {
-        let whole = delay.round();
-        let rest = delay - whole;
-        let whole = whole as i64;
-        if rest == 0.0 {
-            return Self {
-                first: whole,
-                weights: vec![1.0],
-            };
-        }
-        let weight = |k: i64| {
-            let x = k as f64 - rest;
-            let inside = 1.0 - (x / REACH as f64) * (x / REACH as f64);
-            libm::sin(PI * x) / (PI * x) * bessel(SHAPE * inside.max(0.0).sqrt())
-        };
-        let weights: Vec<f64> = (-REACH..=REACH).map(weight).collect();
-        let sum: f64 = weights.iter().sum();
-        Self {
-            first: whole - REACH,
-            weights: weights.iter().map(|w| w / sum).collect(),
-        }
+        let (first, weights) = interpolation(delay, REACH, SHAPE);
+        Self { first, weights }
     }
 
     fn last(&self) -> i64 {
         self.first + self.weights.len() as i64 - 1
     }
+}
+
+/// The reading of a channel so many samples later: the first of the samples that it rests on, and the weights of all of
+/// them. A sample between others rests on `reach` of them on both sides of the nearest one, in a Kaiser window of this
+/// shape.
+pub(super) fn interpolation(later: f64, reach: i64, shape: f64) -> (i64, Vec<f64>) {
+    let whole = later.round();
+    let rest = later - whole;
+    let whole = whole as i64;
+    if rest == 0.0 {
+        return (whole, vec![1.0]);
+    }
+    let weight = |k: i64| {
+        let x = k as f64 - rest;
+        let inside = 1.0 - (x / reach as f64) * (x / reach as f64);
+        libm::sin(PI * x) / (PI * x) * bessel(shape * inside.max(0.0).sqrt())
+    };
+    let weights: Vec<f64> = (-reach..=reach).map(weight).collect();
+    let sum: f64 = weights.iter().sum();
+    (whole - reach, weights.iter().map(|w| w / sum).collect())
 }
 
 /// The modified Bessel function of the first kind and order zero, by its series.
@@ -74,12 +69,7 @@ fn bessel(x: f64) -> f64 {
 /// Samples of a file around the one that is handed out.
 pub(super) struct Alignment {
     channels: Vec<Late>,
-    /// Samples before and after the one that is handed out.
-    behind: usize,
-    ahead: usize,
-    rows: VecDeque<Row>,
-    /// Samples in `rows` that have faults.
-    faulty: usize,
+    rows: Around,
 }
 
 impl Alignment {
@@ -94,56 +84,40 @@ impl Alignment {
             usize::try_from(furthest).unwrap_or(0)
         };
         Some(Self {
-            behind: reach(&|late| -late.first),
-            ahead: reach(&Late::last),
-            rows: VecDeque::new(),
-            faulty: 0,
+            rows: Around::new(reach(&|late| -late.first), reach(&Late::last)),
             channels,
         })
     }
 
     /// Samples at the beginning and at the end of the file that are not handed out.
     pub(super) fn lost(&self) -> [usize; 2] {
-        [self.behind, self.ahead]
+        [self.rows.behind, self.rows.ahead]
     }
 
     /// Takes the next sample of the file. `true` if [`Alignment::sample`] has a new one.
-    pub(super) fn push(&mut self, readings: Vec<f64>, place: Place, health: Health) -> bool {
-        let whole = self.behind + self.ahead + 1;
-        if self.rows.len() == whole
-            && let Some(oldest) = self.rows.pop_front()
-        {
-            self.faulty -= usize::from(!oldest.health.is_good());
-        }
-        self.faulty += usize::from(!health.is_good());
-        self.rows.push_back(Row {
-            readings,
-            place,
-            health,
-        });
-        self.rows.len() == whole
+    pub(super) fn push(&mut self, row: Row) -> bool {
+        self.rows.push(row)
     }
 
     /// Readings in step, handed to `store`, with place and faults: those of every sample that a
     /// reading rests on.
     pub(super) fn sample(&self, store: &mut dyn FnMut(usize, f64)) -> (Place, Health) {
-        let at = |offset: i64| {
-            let position = usize::try_from(self.behind as i64 + offset).ok()?;
-            self.rows.get(position)
-        };
-        let mut health = at(0).map_or(Health::GOOD, |row| row.health);
+        let own = self.rows.at(0);
+        let mut health = own.map_or(Health::GOOD, |row| row.health);
         for (channel, late) in self.channels.iter().enumerate() {
             let mut sum = 0.0;
             for (offset, weight) in (late.first..).zip(&late.weights) {
-                let Some(row) = at(offset) else { continue };
+                let Some(row) = self.rows.at(offset) else {
+                    continue;
+                };
                 sum += weight * row.readings.get(channel).copied().unwrap_or(0.0);
-                if self.faulty > 0 {
+                if self.rows.is_faulty() {
                     health = health.union(row.health);
                 }
             }
             store(channel, sum);
         }
-        (at(0).map_or(Place::Record(0), |row| row.place), health)
+        (own.map_or(Place::Record(0), |row| row.place), health)
     }
 }
 
@@ -156,8 +130,11 @@ mod tests {
         let mut out = Vec::new();
         for n in 0..600 {
             let t = f64::from(n);
-            let readings = vec![signal(t), signal(t - delay)];
-            if alignment.push(readings, Place::Record(n as u64 + 1), Health::GOOD) {
+            if alignment.push(Row {
+                readings: vec![signal(t), signal(t - delay)],
+                place: Place::Record(n as u64 + 1),
+                health: Health::GOOD,
+            }) {
                 let mut row = [0.0; 2];
                 alignment.sample(&mut |c, x| row[c] = x);
                 out.push(row);
@@ -200,7 +177,11 @@ mod tests {
                 } else {
                     Health::GOOD
                 };
-                if alignment.push(vec![0.0, 0.0], Place::Record(n), health) {
+                if alignment.push(Row {
+                    readings: vec![0.0, 0.0],
+                    place: Place::Record(n),
+                    health,
+                }) {
                     let (place, health) = alignment.sample(&mut |_, _| ());
                     if let (Place::Record(at), false) = (place, health.is_good()) {
                         faulty.push(at);

@@ -97,6 +97,16 @@ pub enum RecordingError {
         /// The file.
         file: PathBuf,
     },
+    /// Shorter than it takes until couplings to alternating current are alike.
+    #[error("{}: it has {samples} samples, and sensors whose `ac_corner` differ are brought behind the same coupling by the first {needed}; record longer, or leave `ac_corner` out where it lies below a hundredth of the averaging band's begin", file.display())]
+    NotSettled {
+        /// The file.
+        file: PathBuf,
+        /// Samples that were read.
+        samples: u64,
+        /// Samples that it takes.
+        needed: usize,
+    },
     /// Bytes that are no text.
     #[error("{}, line 1: this is no text; {advice}", file.display())]
     NoText {

@@ -22,6 +22,8 @@
 //! | `input` | the bytes of a file, unpacked where it is compressed by gzip |
 //! | `names` | the search for channels by name |
 //! | `delay` | channels that come late, brought into step |
+//! | `coupling` | channels that are coupled to alternating current, brought to one lower limit |
+//! | `around` | samples on both sides of one, for these two |
 //! | `time` | the channel of time: its name, its unit, and how far it is rounded |
 //! | `preamble` | true sample rate and calibrations that a recording states |
 //! | `faults`, `health` | faults of samples; the state of channels, seen from their samples |
@@ -32,9 +34,11 @@
 //! `Format`, and its two lines in this one (`mod` and `FORMATS`).
 
 mod about;
+mod around;
 mod bytes;
 mod checksum;
 mod columns;
+mod coupling;
 mod csv;
 mod delay;
 mod error;
@@ -65,6 +69,7 @@ pub(crate) use about::About;
 pub use about::Firmware;
 pub use checksum::Checksum;
 pub(crate) use checksum::Summed;
+pub(crate) use coupling::{Corners, MOST_CORNER};
 pub(crate) use delay::MOST_DELAY;
 pub use error::{Mismatch, RecordingError};
 pub(crate) use faults::read as spelt;

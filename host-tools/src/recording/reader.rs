@@ -2,6 +2,8 @@
 
 mod good_rows;
 
+use super::around::Row;
+use super::coupling::{Corners, Coupling};
 use super::delay::Alignment;
 use super::input::{self, Passed};
 use super::names::{self, Names, some_of};
@@ -55,6 +57,9 @@ pub struct Recording {
     factors: Vec<f64>,
     /// Channels that come late, if there are any.
     alignment: Option<Alignment>,
+    /// Couplings to alternating current that differ, if there are any; filters once the sample rate is settled.
+    corners: Option<Corners>,
+    coupling: Option<Coupling>,
     /// Readings of the channels asked for in single precision, of samples that are handed out together.
     singles: Vec<f32>,
 }
@@ -159,6 +164,8 @@ impl Recording {
             expected: None,
             factors: Vec::new(),
             alignment: None,
+            corners: None,
+            coupling: None,
             singles: Vec::new(),
         })
     }
@@ -174,11 +181,13 @@ impl Recording {
         Self::of_source(source, file, channels, &Form::default(), 0, passed)
     }
 
-    /// Has each channel asked for multiplied by a factor, and brought into step where it is late by a
-    /// number of samples. To be called before the first sample.
-    pub(crate) fn correct(&mut self, factors: Vec<f64>, delays: &[f64]) {
+    /// Has each channel asked for multiplied by a factor, brought into step where it is late by a number of
+    /// samples, and behind one coupling to alternating current with the others where these differ. To be called before
+    /// the sample rate is settled.
+    pub(crate) fn correct(&mut self, factors: Vec<f64>, delays: &[f64], corners: Option<Corners>) {
         self.factors = factors;
         self.alignment = Alignment::new(delays);
+        self.corners = corners;
     }
 
     /// Place of the channels' names, for messages about them.
@@ -226,6 +235,11 @@ impl Recording {
             warnings.push(format!(
                 "{}: the first {begin} and the last {end} samples are not used, since a channel with a `delay` has no reading there",
                 self.file.display()
+            ));
+        }
+        if let Some([begin, end]) = self.coupling.as_ref().map(Coupling::lost) {
+            warnings.push(format!(
+                "the first {begin} and the last {end} samples of each recording are not used: sensors whose `ac_corner` differ are brought behind the same coupling, which takes that long"
             ));
         }
         if let Some(note) = self.source.end_note() {
@@ -313,8 +327,10 @@ impl Recording {
     /// Samples handed out so far.
     #[must_use]
     pub fn rows(&self) -> u64 {
-        let lost = self.alignment.as_ref().map_or([0; 2], Alignment::lost);
-        self.rows.saturating_sub((lost[0] + lost[1]) as u64)
+        let late = self.alignment.as_ref().map_or([0; 2], Alignment::lost);
+        let coupled = self.coupling.as_ref().map_or([0; 2], Coupling::lost);
+        let lost: usize = late.iter().chain(&coupled).sum();
+        self.rows.saturating_sub(lost as u64)
     }
 
     /// Has the recording end after `rows` samples, if it is not shorter; `None`: not before
@@ -341,6 +357,13 @@ impl Recording {
     /// [`RecordingError::NoRate`] if none of them tells, [`RecordingError::WrongRate`] if they
     /// contradict each other.
     pub fn settle_rate(&mut self, stated: Option<f64>) -> Result<f64, RecordingError> {
+        let rate = self.settled(stated)?;
+        let corners = self.corners.as_ref();
+        self.coupling = corners.map(|corners| Coupling::new(corners, rate));
+        Ok(rate)
+    }
+
+    fn settled(&mut self, stated: Option<f64>) -> Result<f64, RecordingError> {
         let own = self.source.sample_rate();
         let Some(times) = self.first_times()? else {
             let rate = stated.or(own.map(|own| own.value));
@@ -476,23 +499,63 @@ impl Recording {
     }
 
     fn in_step(&mut self, store: &mut impl FnMut(usize, f64)) -> Result<bool, RecordingError> {
+        let Some(mut coupling) = self.coupling.take() else {
+            return self.in_time(store);
+        };
+        let found = self.through(
+            |recording, mut store| recording.in_time(&mut store),
+            |row| coupling.push(row),
+        );
+        let found = match found {
+            Ok(true) => {
+                (self.place, self.health) = coupling.sample(store);
+                Ok(true)
+            }
+            Ok(false) if !coupling.is_settled() => Err(RecordingError::NotSettled {
+                file: self.file.clone(),
+                samples: self.rows,
+                needed: coupling.lost().iter().sum(),
+            }),
+            found => found,
+        };
+        self.coupling = Some(coupling);
+        found
+    }
+
+    /// The next sample whose channels are in step.
+    fn in_time(&mut self, store: &mut impl FnMut(usize, f64)) -> Result<bool, RecordingError> {
         let Some(mut alignment) = self.alignment.take() else {
             return self.sample(store);
         };
-        let mut more = Ok(true);
-        loop {
-            let mut readings = vec![0.0; self.channels];
-            more = more.and_then(|_| self.sample(&mut |i, x| readings[i] = x));
-            if !matches!(more, Ok(true)) {
-                break;
-            }
-            if alignment.push(readings, self.place, self.health) {
-                (self.place, self.health) = alignment.sample(store);
-                break;
-            }
+        let found = self.through(
+            |recording, mut store| recording.sample(&mut store),
+            |row| alignment.push(row),
+        );
+        if matches!(found, Ok(true)) {
+            (self.place, self.health) = alignment.sample(store);
         }
         self.alignment = Some(alignment);
-        more
+        found
+    }
+
+    /// Hands samples to `push` until that is content; `false` at the end.
+    fn through(
+        &mut self,
+        mut next: impl FnMut(&mut Self, &mut dyn FnMut(usize, f64)) -> Result<bool, RecordingError>,
+        mut push: impl FnMut(Row) -> bool,
+    ) -> Result<bool, RecordingError> {
+        loop {
+            let mut readings = vec![0.0; self.channels];
+            let more = next(self, &mut |i, x| readings[i] = x)?;
+            let row = Row {
+                readings,
+                place: self.place,
+                health: self.health,
+            };
+            if !more || push(row) {
+                return Ok(more);
+            }
+        }
     }
 
     #[inline]

@@ -23,7 +23,7 @@ mod uncertainty;
 mod units;
 
 use crate::frame::Frame;
-use crate::recording::{Checksum, Form, Recording, RecordingError};
+use crate::recording::{Checksum, Corners, Form, Recording, RecordingError};
 use massline_core::spectra::{LineGrid, Window};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -154,6 +154,8 @@ pub struct AccelerometerEntry {
     pub units: Units,
     /// Samples that the channel comes late.
     pub delay: f64,
+    /// Corner frequency of its coupling to alternating current, Hz; zero where it is coupled to direct current.
+    pub ac_corner: f64,
     /// Noise and uncertainty of this sensor, where it states them.
     pub uncertainty: Uncertainty,
 }
@@ -176,6 +178,8 @@ pub struct LoadCellEntry {
     pub units: Units,
     /// Samples that the channel comes late.
     pub delay: f64,
+    /// Corner frequency of its coupling to alternating current, Hz; zero where it is coupled to direct current.
+    pub ac_corner: f64,
     /// Noise and uncertainty of this load cell, where it states them.
     pub uncertainty: Uncertainty,
 }
@@ -249,6 +253,13 @@ pub const OVERLAPS: RangeInclusive<f64> = 0.0..=0.95;
 /// Fewer lines than this in a band say nothing about a trend over frequency.
 pub const FEWEST_LINES: usize = 3;
 
+/// Delay in samples and corner of the coupling to alternating current in Hz of a channel.
+struct Timing<'s> {
+    channel: &'s str,
+    delay: f64,
+    ac_corner: f64,
+}
+
 impl AccelerometerEntry {
     /// A sensor that records m/s² and states no uncertainty.
     pub(crate) fn new(
@@ -265,6 +276,7 @@ impl AccelerometerEntry {
             scale: 1.0,
             units: Units::default(),
             delay: 0.0,
+            ac_corner: 0.0,
             uncertainty: Uncertainty::default(),
         }
     }
@@ -286,6 +298,7 @@ impl LoadCellEntry {
             scale: 1.0,
             units: Units::default(),
             delay: 0.0,
+            ac_corner: 0.0,
             uncertainty: Uncertainty::default(),
         }
     }
@@ -366,13 +379,42 @@ impl Setup {
             };
             let factor = factor.map_err(|reason| recording.unit_error(name, reason))?;
             factors.push(factor);
-            delays.push(self.delay(channel));
+            delays.push(self.of_sensor(channel, |s| s.delay).unwrap_or(0.0));
         }
-        if run.excitation != Excitation::Random {
+        let is_random = run.excitation == Excitation::Random;
+        if !is_random {
             delays.fill(0.0);
         }
-        recording.correct(factors, &delays);
+        let corners = self.corners(channels).filter(|_| is_random);
+        recording.correct(factors, &delays, corners);
         Ok(recording)
+    }
+
+    /// Couplings to alternating current of these channels, where those of the sensors differ. Spectra are referred to
+    /// drives, so that these stay as they are.
+    fn corners(&self, channels: &[&str]) -> Option<Corners> {
+        let highest = self.timings().map(|s| s.ac_corner).fold(0.0, f64::max);
+        let taken = |channel: &&str| {
+            let own = self.of_sensor(channel, |s| s.ac_corner);
+            1.0 - own.unwrap_or(highest) / highest
+        };
+        self.are_coupled_alike().is_err().then(|| Corners {
+            highest,
+            taken: channels.iter().map(taken).collect(),
+        })
+    }
+
+    /// The channels of two sensors whose couplings to alternating current differ, if there are any.
+    pub(crate) fn are_coupled_alike(&self) -> Result<(), [&str; 2]> {
+        let mut all = self.timings();
+        let first = all.next();
+        let Some((first, other)) = first.and_then(|first| {
+            let other = all.find(|other| other.ac_corner != first.ac_corner)?;
+            Some((first, other))
+        }) else {
+            return Ok(());
+        };
+        Err([first.channel, other.channel])
     }
 
     /// Channels of all sensors: accelerometers, then load cells.
@@ -412,12 +454,28 @@ impl Setup {
             .or_else(|| force().map(|c| ("load_cell", c.quantity.into(), &c.units, c.scale)))
     }
 
-    fn delay(&self, channel: &str) -> f64 {
-        let motion = self.accelerometers.iter().map(|a| (&a.channel, a.delay));
-        let force = self.load_cells.iter().map(|c| (&c.channel, c.delay));
-        let mut all = motion.chain(force);
-        all.find(|(name, _)| *name == channel)
-            .map_or(0.0, |(_, delay)| delay)
+    /// Delays and couplings of all sensors: accelerometers, then load cells.
+    fn timings(&self) -> impl Iterator<Item = Timing<'_>> {
+        let motion = self.accelerometers.iter().map(|a| Timing {
+            channel: &a.channel,
+            delay: a.delay,
+            ac_corner: a.ac_corner,
+        });
+        let force = self.load_cells.iter().map(|c| Timing {
+            channel: &c.channel,
+            delay: c.delay,
+            ac_corner: c.ac_corner,
+        });
+        motion.chain(force)
+    }
+
+    /// Corner of the coupling to alternating current of a channel, Hz.
+    pub(crate) fn ac_corner(&self, channel: &str) -> f64 {
+        self.of_sensor(channel, |s| s.ac_corner).unwrap_or(0.0)
+    }
+
+    fn of_sensor(&self, channel: &str, of: impl Fn(Timing<'_>) -> f64) -> Option<f64> {
+        self.timings().find(|s| s.channel == channel).map(of)
     }
 
     /// The same for readings that are in SI and in step, as the inputs of a box are: without units

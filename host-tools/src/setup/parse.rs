@@ -203,12 +203,12 @@ pub(super) fn setup(source: &Source) -> Result<Setup, SetupError> {
     };
     let length = file.length_unit;
     let sensors = sensors::sensors(&document, &lists, length)?;
-    if file
-        .run
-        .iter()
-        .any(|run| run.excitation == Excitation::Sine)
-    {
+    let has = |kind: Excitation| file.run.iter().any(|run| run.excitation == kind);
+    if has(Excitation::Sine) {
         sensors.no_delays(&document)?;
+    }
+    if has(Excitation::Static) {
+        sensors.no_corners(&document)?;
     }
     let count = sensors.accelerometers.len() + sensors.load_cells.len();
     fits(source, count, file.run.len())?;

@@ -50,7 +50,8 @@ pub(super) fn setup(setup: &Setup) -> String {
         if entry.mount != Mount::Structure {
             let _ = writeln!(out, "mount = \"{}\"", word_of(&MOUNTS, entry.mount));
         }
-        print_units(&mut out, &entry.units, entry.key_scale(), entry.delay);
+        print_units(&mut out, &entry.units, entry.key_scale());
+        print_timing(&mut out, entry.delay, entry.ac_corner);
         uncertainty::print(&mut out, &entry.uncertainty, "m/s²");
     }
 
@@ -69,7 +70,8 @@ pub(super) fn setup(setup: &Setup) -> String {
                 word_of(&QUANTITIES, entry.quantity)
             );
         }
-        print_units(&mut out, &entry.units, entry.key_scale(), entry.delay);
+        print_units(&mut out, &entry.units, entry.key_scale());
+        print_timing(&mut out, entry.delay, entry.ac_corner);
         let unit = match entry.quantity {
             Quantity::Force => "N",
             Quantity::Moment => "N m",
@@ -123,7 +125,7 @@ fn print_estimation(out: &mut String, estimation: &Estimation) {
     let _ = writeln!(out, "iterations = {}", estimation.iterations);
 }
 
-fn print_units(out: &mut String, units: &Units, scale: f64, delay: f64) {
+fn print_units(out: &mut String, units: &Units, scale: f64) {
     let texts = [("unit", &units.unit), ("sensitivity", &units.sensitivity)];
     for (key, text) in texts {
         if let Some(text) = text {
@@ -134,10 +136,19 @@ fn print_units(out: &mut String, units: &Units, scale: f64, delay: f64) {
     if scale != 1.0 || units.unit.is_some() {
         let _ = writeln!(out, "scale = {scale:?}");
     }
+}
+
+fn print_timing(out: &mut String, delay: f64, ac_corner: f64) {
     if delay != 0.0 {
         let _ = writeln!(
             out,
             "delay = {delay:?}  # samples that the channel comes late"
+        );
+    }
+    if ac_corner != 0.0 {
+        let _ = writeln!(
+            out,
+            "ac_corner = {ac_corner:?}  # Hz, of its coupling to alternating current"
         );
     }
 }

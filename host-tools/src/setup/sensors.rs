@@ -14,7 +14,7 @@ use super::{
     AccelerometerEntry, LoadCellEntry, Mount, Quantity, SetupError, Uncertainty, uncertainty,
 };
 use crate::printable::quoted;
-use crate::recording::MOST_DELAY;
+use crate::recording::{MOST_CORNER, MOST_DELAY};
 
 /// An `[[accelerometer]]`, a `[[load_cell]]` or a `[[sensor_type]]` as it is written.
 #[derive(Default, Deserialize)]
@@ -50,6 +50,8 @@ pub(super) struct SensorKeys {
     scale: Vec<f64>,
     #[serde(deserialize_with = "delay")]
     delay: Vec<f64>,
+    #[serde(deserialize_with = "ac_corner")]
+    ac_corner: Vec<f64>,
     #[serde(deserialize_with = "uncertainty::noise")]
     noise: Option<f64>,
     #[serde(deserialize_with = "uncertainty::calibration")]
@@ -65,6 +67,8 @@ keys::lists! {
         |x| (1e-100..=1e100).contains(&x.abs());
     delay: "samples from -4096 to 4096 that the channel comes late, or a list of 3 for a triaxial sensor",
         |x| x.abs() <= f64::from(MOST_DELAY);
+    ac_corner: "Hz from 0 to 100, the corner of the coupling to alternating current, or a list of 3 for a triaxial sensor",
+        |x| (0.0..=MOST_CORNER).contains(&x);
 }
 
 pub(super) const MOUNTS: [(&str, Mount); 2] = [
@@ -87,11 +91,12 @@ fn some_quantity<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Quantity>
 }
 
 /// Keys that sensors of one type may share.
-const SHARED: [&str; 8] = [
+const SHARED: [&str; 9] = [
     "unit",
     "sensitivity",
     "scale",
     "delay",
+    "ac_corner",
     "noise",
     "calibration_uncertainty",
     "position_uncertainty",
@@ -136,23 +141,36 @@ impl Sensors {
     pub(super) fn no_delays(&self, document: &Document<'_>) -> Result<(), SetupError> {
         let motion = self.accelerometers.iter().map(|a| a.delay);
         let force = self.load_cells.iter().map(|c| c.delay);
-        let motion = self.sections[0]
-            .iter()
-            .zip(motion)
-            .map(|(n, d)| ("accelerometer", *n, d));
-        let force = self.sections[1]
-            .iter()
-            .zip(force)
-            .map(|(n, d)| ("load_cell", *n, d));
-        match motion.chain(force).find(|(.., delay)| *delay != 0.0) {
+        let expected = "none in a setup with a run of `excitation = \"sine\"`, whose amplitudes are no samples: take the delay out of their phases";
+        self.all_zero(document, "delay", motion, force, expected)
+    }
+
+    /// Refuses couplings to alternating current: behind one there is no reading of a pose.
+    pub(super) fn no_corners(&self, document: &Document<'_>) -> Result<(), SetupError> {
+        let motion = self.accelerometers.iter().map(|a| a.ac_corner);
+        let force = self.load_cells.iter().map(|c| c.ac_corner);
+        let expected = "none in a setup with a run of `excitation = \"static\"`: a sensor that is coupled to alternating current does not see gravity";
+        self.all_zero(document, "ac_corner", motion, force, expected)
+    }
+
+    fn all_zero(
+        &self,
+        document: &Document<'_>,
+        key: &str,
+        motion: impl Iterator<Item = f64>,
+        force: impl Iterator<Item = f64>,
+        expected: &str,
+    ) -> Result<(), SetupError> {
+        let [of_motion, of_force] = &self.sections;
+        let motion = of_motion.iter().zip(motion);
+        let force = of_force.iter().zip(force);
+        let motion = motion.map(|(n, x)| ("accelerometer", *n, x));
+        let force = force.map(|(n, x)| ("load_cell", *n, x));
+        match motion.chain(force).find(|(.., x)| *x != 0.0) {
             None => Ok(()),
-            Some((list, number, delay)) => Err(document
+            Some((list, number, found)) => Err(document
                 .section(list, number)
-                .unexpected(
-                    "delay",
-                    delay,
-                    "none in a setup with a run of `excitation = \"sine\"`, whose amplitudes are no samples: take the delay out of their phases",
-                )
+                .unexpected(key, found, expected)
                 .into()),
         }
     }
@@ -192,6 +210,7 @@ pub(super) fn sensors(
                 scale: axis.scale,
                 units: axis.units,
                 delay: axis.delay,
+                ac_corner: axis.ac_corner,
                 uncertainty,
             });
         }
@@ -216,6 +235,7 @@ pub(super) fn sensors(
                 scale: axis.scale,
                 units: axis.units,
                 delay: axis.delay,
+                ac_corner: axis.ac_corner,
                 uncertainty,
             });
         }
@@ -287,6 +307,7 @@ struct Axis {
     scale: f64,
     units: Units,
     delay: f64,
+    ac_corner: f64,
 }
 
 impl<'e, 'd> Entry<'e, 'd> {
@@ -412,10 +433,12 @@ impl<'e, 'd> Entry<'e, 'd> {
         let scales = self.list(|k| &k.scale);
         let sensitivities = self.list(|k| &k.sensitivity);
         let delays = self.list(|k| &k.delay);
+        let corners = self.list(|k| &k.ac_corner);
         for (key, count) in [
             ("scale", scales.len()),
             ("sensitivity", sensitivities.len()),
             ("delay", delays.len()),
+            ("ac_corner", corners.len()),
         ] {
             if count > 1 && count != channels.len() {
                 let found = format_args!("a list of {count}");
@@ -437,6 +460,7 @@ impl<'e, 'd> Entry<'e, 'd> {
                 scale: scale.copied().unwrap_or(1.0) * factor,
                 units,
                 delay: each(delays, n).copied().unwrap_or(0.0),
+                ac_corner: each(corners, n).copied().unwrap_or(0.0),
             })
         };
         channels.into_iter().enumerate().map(axis).collect()

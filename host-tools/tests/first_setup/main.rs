@@ -2,6 +2,7 @@
 
 #[path = "../bench/mod.rs"]
 mod bench;
+mod corner;
 mod delay;
 mod init;
 mod shorthand;

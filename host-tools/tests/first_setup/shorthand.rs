@@ -30,6 +30,7 @@ sensitivity = ["98 mV/g", "101 mV/g", "10.2 mV/(m/s²)"]
 scale = [1, -1, 1]
 noise = 0.03
 mount = "structure"
+ac_corner = [0.1, 0.2, 0.3]
 
 [[accelerometer]]
 channel = "a1"
@@ -106,6 +107,9 @@ fn the_short_form_is_the_long_one() {
     ];
     assert_eq!(cells, expected);
     assert_eq!(setup.accelerometers[3].uncertainty.position, Some(0.001));
+    let corners = setup.accelerometers.iter().map(|a| a.ac_corner);
+    let corners: Vec<f64> = corners.collect();
+    assert_eq!(corners, [0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.0]);
     // Printed entry by entry, and the same again.
     assert_eq!(read(&setup.to_toml()), setup);
     // A box's inputs are SI and in step: only the signs stay.
@@ -113,6 +117,8 @@ fn the_short_form_is_the_long_one() {
     let scales: Vec<f64> = si.accelerometers.iter().map(|a| a.scale).collect();
     assert_eq!(scales, [1.0, 1.0, 1.0, 1.0, -1.0, 1.0, 1.0]);
     assert_eq!((si.load_cells[0].scale, si.load_cells[3].delay), (1.0, 0.0));
+    // Its inputs do not know of the couplings before them.
+    assert_eq!(si.accelerometers[4].ac_corner, 0.2);
 }
 
 /// The rotation is a rotation vector, as that of a run: along the vector (1, 1, 1) by 120° x goes
@@ -157,7 +163,7 @@ fn lengths_of_all_kinds_are_converted_once() {
 
 /// Wrong changes of the short setup, each with words of its message.
 const MISTAKES: &str = r#"
-unit = "kN" => unit = "g" => line 37 | [[load_cell]] 1 (triaxial "F") | `unit` is "g" | "N", "kN", "lbf" for a force
+unit = "kN" => unit = "g" => line 38 | [[load_cell]] 1 (triaxial "F") | `unit` is "g" | "N", "kN", "lbf" for a force
 quantity = "moment" => quantity = "force"\nposition = [0,0,0] => `sensitivity` is "4 pC/N m" | pC/N
 unit = "pC" => unit = "N" => `unit` is "N" | "N m", "kN m", "lbf in", "lbf ft" for a moment
 unit = "mV" => unit = "furlong" => line 7 | [[sensor_type]] 1 (name "triax") | `unit` is "furlong" | "m/s²", "g", "mm/s²"
@@ -175,7 +181,7 @@ direction = "-z" => direction = "up" => `direction` is "up" | "+z" or [0, 0, 1]
 direction = "-z" => => [[accelerometer]] 3 (channel "a1") | `direction` is missing
 channel = "a1" => channels = ["a1"] => [[accelerometer]] 3 | `channel` is missing | `triaxial`
 channel = "a1" => channel = "a1"\ntriaxial = "a" => `channel` is given, too
-channel = "a1" => channel = "T1:Y" => line 30 | "T1:Y" | [[accelerometer]] 1 (triaxial "T1")
+channel = "a1" => channel = "T1:Y" => line 31 | "T1:Y" | [[accelerometer]] 1 (triaxial "T1")
 ["7", "8", "9"] => ["7", "8"] => `channels` is a list of 2
 scale = [1, -1, 1] => scale = [1, 0, 1] => `scale` is 0
 scale = [1, -1, 1] => scale = [1, 1] => `scale` is a list of 2

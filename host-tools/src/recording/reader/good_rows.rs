@@ -7,7 +7,8 @@ impl Recording {
     /// have no faults and are in step; none where [`Recording::next_row`] has to look at the next one.
     pub(crate) fn good_rows(&mut self) -> &[f32] {
         let ends = self.limit.is_some_and(|limit| self.rows >= limit);
-        if self.alignment.is_some() || self.channels == 0 || ends {
+        let changed = self.alignment.is_some() || self.coupling.is_some();
+        if changed || self.channels == 0 || ends {
             return &[];
         }
         if self.taken == self.block.len() {
