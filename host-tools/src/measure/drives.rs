@@ -131,6 +131,11 @@ impl DrivesAverage {
         self.channels == 0
     }
 
+    /// `true` if there is one drive.
+    pub(super) fn has_one_drive(&self) -> bool {
+        self.drives == 1
+    }
+
     fn each(&self) -> usize {
         self.drives * self.drives + self.channels * (self.drives + 1)
     }

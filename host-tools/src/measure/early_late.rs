@@ -13,7 +13,7 @@ use nalgebra::{Complex, SMatrix, SVector};
 use std::ops::Range;
 
 /// Most moments that are kept.
-const MOMENTS: usize = 32;
+const MOMENTS: usize = 16;
 /// Blocks of the shorter half from which the halves tell a change.
 const LEAST: u32 = 8;
 
@@ -52,7 +52,8 @@ impl Moments {
     pub(super) fn new(band: Range<usize>) -> Self {
         Self {
             band,
-            every: 1,
+            // Every fourth one meets the middle to two blocks.
+            every: 4,
             kept: Vec::new(),
         }
     }
@@ -74,7 +75,7 @@ impl Moments {
         self.kept.push((blocks, of_band(sums, &self.band)));
     }
 
-    /// Both halves; `None` of a run of one block.
+    /// Both halves; `None` of a run of four blocks or fewer.
     pub(super) fn halves(self, sums: &Sums<'_>) -> Option<EarlyLate> {
         let all = sums.blocks();
         let near = |(blocks, _): &(u32, DrivesAverage)| blocks.abs_diff(all / 2);
@@ -119,6 +120,18 @@ fn products(sums: &DrivesAverage) -> Vec<Products> {
     let lines = 0..sums.lines();
     if sums.has_no_channels() {
         let of = |line| Products::from_fn(|i, j| sums.between(line, i, j));
+        return lines.map(of).collect();
+    }
+    if sums.has_one_drive() {
+        // As below, without the rest of what is known of parts.
+        let of = |line| {
+            let power = sums.between(line, 0, 0).re;
+            let x = SVector::<_, RESULTANTS>::from_fn(|c, _| sums.with(line, c, 0));
+            match power > 0.0 {
+                true => x * x.adjoint() / Complex::from(power),
+                false => Products::zeros(),
+            }
+        };
         return lines.map(of).collect();
     }
     let mut found = sums.parts(lines.clone());
@@ -303,7 +316,7 @@ mod tests {
                         8.0 * (2.0 * of(half) / of(&whole) * 2.5).sqrt()
                     }),
                 };
-                // A block or two hold both gains, and the middle is met to a part of thirty-two; powers of a half
+                // A block or two hold both gains, and the middle is met to a part of sixteen; powers of a half
                 // scatter like those of its blocks and lines.
                 let near = match drives {
                     0 => 0.15,
@@ -331,7 +344,8 @@ mod tests {
     fn halves_of_a_short_run_tell_no_changes() {
         for drives in [0, 1, 2] {
             assert_eq!(halves(drives, 1).0, None);
-            for (blocks, tell) in [(2, false), (15, false), (16, true)] {
+            assert_eq!(halves(drives, 4).0, None);
+            for (blocks, tell) in [(5, false), (15, false), (16, true), (17, true), (21, true)] {
                 let found = halves(drives, blocks).0.unwrap();
                 assert_eq!(found.tell_changes(), tell, "{drives} {blocks}");
             }
@@ -361,7 +375,7 @@ mod tests {
                     kept.len() <= MOMENTS && even.eq(kept.iter().copied()),
                     "{kept:?}"
                 );
-                assert!(count < 32 || kept.len() >= MOMENTS / 2, "{count} {kept:?}");
+                assert!(count < 4 * MOMENTS || kept.len() >= MOMENTS / 2, "{count} {kept:?}");
             }
         }
     }

@@ -26,57 +26,94 @@ impl Power {
 /// Samples after which mean and variance are settled anew, from all samples so far.
 const EVERY: u64 = 64;
 
-/// Powers of one channel, which are zero until its variance is known.
+/// Channels that are calculated together.
+const LANES: usize = 8;
+
+/// A number of each of these channels.
+type Lanes = [f32; LANES];
+
+/// Powers of a few channels, which are zero until their variances are known.
 pub(super) struct Powers {
-    /// Number of the channel.
-    pub(super) of: usize,
-    /// Number of the channel of each power.
-    pub(super) to: Vec<(usize, Power)>,
-    samples: u64,
-    total: f64,
-    squares: f64,
-    mean: f64,
+    /// Numbers of the channels.
+    of: Vec<usize>,
+    /// Place of a channel among these, power and number of the channel that it becomes.
+    to: Vec<(usize, Power, usize)>,
+    mean: Lanes,
     /// 1 / m, 1 / √m and 3: all zero of a channel that does not move.
-    per_variance: f64,
-    per_deviation: f64,
-    linear: f64,
+    per_variance: Lanes,
+    per_deviation: Lanes,
+    linear: Lanes,
+    /// Sums of deviations from the mean and of their squares, since it was settled.
+    latest: u64,
+    deviations: Lanes,
+    squares: Lanes,
+    /// Sums of samples and of squares up to then.
+    samples: u64,
+    totals: [[f64; 2]; LANES],
 }
 
 impl Powers {
-    pub(super) fn new(of: usize, to: (usize, Power)) -> Self {
+    /// None yet.
+    fn new() -> Self {
         Self {
-            of,
-            to: vec![to],
+            of: Vec::new(),
+            to: Vec::new(),
+            mean: [0.0; LANES],
+            per_variance: [0.0; LANES],
+            per_deviation: [0.0; LANES],
+            linear: [0.0; LANES],
+            latest: 0,
+            deviations: [0.0; LANES],
+            squares: [0.0; LANES],
             samples: 0,
-            total: 0.0,
-            squares: 0.0,
-            mean: 0.0,
-            per_variance: 0.0,
-            per_deviation: 0.0,
-            linear: 0.0,
+            totals: [[0.0; 2]; LANES],
         }
+    }
+
+    /// Has the power of one channel written to another, by these or by others behind them.
+    pub(super) fn add(all: &mut Vec<Self>, of: usize, power: Power, to: usize) {
+        let known = all.iter().position(|own| own.of.contains(&of));
+        let at = known.or_else(|| all.iter().position(|own| own.of.len() < LANES));
+        let at = at.unwrap_or_else(|| {
+            all.push(Self::new());
+            all.len() - 1
+        });
+        let own = &mut all[at];
+        let lane = own.of.iter().position(|other| *other == of);
+        let lane = lane.unwrap_or_else(|| {
+            own.of.push(of);
+            own.of.len() - 1
+        });
+        own.to.push((lane, power, to));
     }
 
     /// Writes the powers of a sample, beside which it lies.
     #[inline]
     pub(super) fn write(&mut self, sample: &mut [f32]) {
-        let own = f64::from(sample.get(self.of).copied().unwrap_or_default());
-        let x = own - self.mean;
-        let square = x * x;
-        for (channel, power) in &self.to {
-            let power = match power {
-                Power::Square => square * self.per_deviation,
-                Power::Cube => x * (square * self.per_variance - self.linear),
+        let mut own = self.mean;
+        for (slot, of) in own.iter_mut().zip(&self.of) {
+            *slot = sample.get(*of).copied().unwrap_or_default();
+        }
+        let (mut square, mut cube) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let x = own[i] - self.mean[i];
+            let squared = x * x;
+            square[i] = finite(squared * self.per_deviation[i]);
+            cube[i] = finite(x * (squared * self.per_variance[i] - self.linear[i]));
+            self.deviations[i] += x;
+            self.squares[i] += squared;
+        }
+        for (lane, power, channel) in &self.to {
+            let of = match power {
+                Power::Square => &square,
+                Power::Cube => &cube,
             };
-            let power = power as f32;
             if let Some(slot) = sample.get_mut(*channel) {
-                *slot = if power.is_finite() { power } else { 0.0 };
+                *slot = of[lane % LANES];
             }
         }
-        self.total += own;
-        self.squares += square;
-        self.samples += 1;
-        if self.samples.is_multiple_of(EVERY) {
+        self.latest += 1;
+        if self.latest == EVERY {
             self.settle();
         }
     }
@@ -84,20 +121,36 @@ impl Powers {
     /// Squares are about the mean that was known at their time.
     #[cold]
     fn settle(&mut self) {
+        let latest = self.latest as f64;
+        let is_first = self.samples == 0;
+        self.samples += self.latest;
+        self.latest = 0;
         let samples = self.samples as f64;
-        self.mean = self.total / samples;
-        if self.samples == EVERY {
-            self.squares -= self.total * self.mean;
+        for (i, [total, squares]) in self.totals.iter_mut().enumerate() {
+            *total += f64::from(self.deviations[i]) + latest * f64::from(self.mean[i]);
+            *squares += f64::from(self.squares[i]);
+            let mean = *total / samples;
+            if is_first {
+                *squares -= *total * mean;
+            }
+            let variance = *squares / samples;
+            let per_variance = (1.0 / variance) as f32;
+            let moves = variance > 0.0 && per_variance > 0.0 && per_variance.is_finite();
+            let factors = match moves {
+                true => (per_variance, (1.0 / variance.sqrt()) as f32, 3.0),
+                false => (0.0, 0.0, 0.0),
+            };
+            self.mean[i] = mean as f32;
+            (self.per_variance[i], self.per_deviation[i], self.linear[i]) = factors;
         }
-        let variance = self.squares / samples;
-        let moves = variance > 0.0 && variance.is_finite();
-        (self.per_variance, self.linear) = if moves {
-            (1.0 / variance, 3.0)
-        } else {
-            (0.0, 0.0)
-        };
-        self.per_deviation = self.per_variance.sqrt();
+        (self.deviations, self.squares) = ([0.0; LANES], [0.0; LANES]);
     }
+}
+
+/// Zero in place of what is no number.
+#[inline(always)]
+fn finite(x: f32) -> f32 {
+    if x.is_finite() { x } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -105,13 +158,20 @@ mod tests {
     use super::*;
     use crate::draws::Draws;
 
+    /// Square and cube of channel 0 in channels 1 and 2.
+    fn both() -> Powers {
+        let mut all = Vec::new();
+        Powers::add(&mut all, 0, Power::Square, 1);
+        Powers::add(&mut all, 0, Power::Cube, 2);
+        all.remove(0)
+    }
+
     /// Normal samples about an offset: means of the powers, of their squares and of their products with the sample are
     /// those of Hermite's polynomials. The cube's square has a variance of (10170 - 36) / n.
     #[test]
     fn powers_of_normal_samples_are_hermites() {
         let mut rng = Draws::new(5);
-        let mut powers = Powers::new(0, (1, Power::Square));
-        powers.to.push((2, Power::Cube));
+        let mut powers = both();
         let (offset, deviation, count) = (900.0, 7.0, 400_000);
         let mut sums = [[0.0; 2]; 3];
         for n in 0..count {
@@ -148,12 +208,43 @@ mod tests {
             &[f32::MAX, -f32::MAX].repeat(100),
             &[0.0; 200],
         ] {
-            let mut powers = Powers::new(0, (1, Power::Cube));
-            powers.to.push((2, Power::Square));
+            let mut powers = both();
             for x in channel {
                 let mut sample = [*x, 0.0, 0.0];
                 powers.write(&mut sample);
                 assert!(sample[1].is_finite() && sample[2].is_finite(), "{sample:?}");
+            }
+        }
+    }
+
+    /// Each channel has its own powers, however many there are.
+    #[test]
+    fn channels_beside_others_have_the_powers_of_one() {
+        const CHANNELS: usize = 19;
+        let mut all = Vec::new();
+        for c in (0..CHANNELS).rev() {
+            Powers::add(&mut all, c, Power::Cube, CHANNELS + c);
+        }
+        for c in 0..CHANNELS {
+            Powers::add(&mut all, c, Power::Square, 2 * CHANNELS + c);
+        }
+        assert_eq!(all.len(), CHANNELS.div_ceil(LANES));
+        let mut alone: Vec<Powers> = (0..CHANNELS).map(|_| both()).collect();
+        let mut rng = Draws::new(6);
+        for _ in 0..300 {
+            let mut sample = [0.0; 3 * CHANNELS];
+            for (c, slot) in sample.iter_mut().take(CHANNELS).enumerate() {
+                *slot = (c as f64 * (3.0 + rng.normal())) as f32;
+            }
+            all.iter_mut().for_each(|own| own.write(&mut sample));
+            for (c, own) in alone.iter_mut().enumerate() {
+                let mut of_one = [sample[c], 0.0, 0.0];
+                own.write(&mut of_one);
+                let [_, square, cube] = of_one;
+                assert_eq!(
+                    (sample[2 * CHANNELS + c], sample[CHANNELS + c]),
+                    (square, cube)
+                );
             }
         }
     }

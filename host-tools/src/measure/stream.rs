@@ -88,7 +88,7 @@ struct Shared {
     made: Vec<Made>,
     /// Where all of them come from, in their order, but for powers of others.
     origins: Vec<Origin>,
-    /// Channels of which there are powers.
+    /// Powers of others.
     powers: Vec<Powers>,
     /// Number of each consumer, and of its channels among these.
     consumers: Vec<(usize, Vec<usize>)>,
@@ -116,10 +116,7 @@ impl Shared {
                 Made::Scaled(from, factor) => Source::Scaled(from, vec![factor]),
                 Made::Sum(half, sum) => Source::Sums(half, sum),
                 Made::Power(of, power) => {
-                    match self.powers.iter_mut().find(|own| own.of == of) {
-                        Some(own) => own.to.push((channel, power)),
-                        None => self.powers.push(Powers::new(of, (channel, power))),
-                    }
+                    Powers::add(&mut self.powers, of, power, channel);
                     continue;
                 }
             };
