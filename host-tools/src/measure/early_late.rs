@@ -375,7 +375,10 @@ mod tests {
                     kept.len() <= MOMENTS && even.eq(kept.iter().copied()),
                     "{kept:?}"
                 );
-                assert!(count < 4 * MOMENTS || kept.len() >= MOMENTS / 2, "{count} {kept:?}");
+                assert!(
+                    count < 4 * MOMENTS || kept.len() >= MOMENTS / 2,
+                    "{count} {kept:?}"
+                );
             }
         }
     }

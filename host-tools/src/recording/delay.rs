@@ -9,6 +9,7 @@ use super::around::{Around, Row};
 use super::source::Place;
 use massline_firmware::wire::Health;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// Most samples that a channel may be late or early.
 pub(crate) const MOST_DELAY: u16 = 4096;
@@ -17,17 +18,35 @@ const REACH: i64 = 48;
 /// Shape of the Kaiser window: side lobes 118 dB down.
 const SHAPE: f64 = 12.0;
 
-/// A channel that is late: its reading is the sum of `weights` times the readings from `first`
+/// Channels beside each other whose readings rest on the same samples: sums of `weights` times the readings from `first`
 /// samples after the sample on.
 struct Late {
+    channels: Range<usize>,
     first: i64,
-    weights: Vec<f64>,
+    /// Sample by sample, the weight of each channel.
+    weights: Vec<Vec<f64>>,
 }
 
 impl Late {
-    fn new(delay: f64) -> Self {
-        let (first, weights) = interpolation(delay, REACH, SHAPE);
-        Self { first, weights }
+    /// All channels, by the samples that they rest on.
+    fn groups(delays: &[f64]) -> Vec<Self> {
+        let mut groups: Vec<Self> = Vec::new();
+        for (channel, delay) in delays.iter().enumerate() {
+            let (first, weights) = interpolation(*delay, REACH, SHAPE);
+            match groups.last_mut() {
+                Some(last) if (last.first, last.weights.len()) == (first, weights.len()) => {
+                    last.channels.end += 1;
+                    let all = last.weights.iter_mut().zip(weights);
+                    all.for_each(|(own, weight)| own.push(weight));
+                }
+                _ => groups.push(Self {
+                    channels: channel..channel + 1,
+                    first,
+                    weights: weights.into_iter().map(|weight| vec![weight]).collect(),
+                }),
+            }
+        }
+        groups
     }
 
     fn last(&self) -> i64 {
@@ -68,8 +87,10 @@ fn bessel(x: f64) -> f64 {
 
 /// Samples of a file around the one that is handed out.
 pub(super) struct Alignment {
-    channels: Vec<Late>,
+    late: Vec<Late>,
     rows: Around,
+    /// Readings in step of each channel.
+    sums: Vec<f64>,
 }
 
 impl Alignment {
@@ -78,14 +99,15 @@ impl Alignment {
         if delays.iter().all(|delay| *delay == 0.0) {
             return None;
         }
-        let channels: Vec<Late> = delays.iter().map(|delay| Late::new(*delay)).collect();
+        let late = Late::groups(delays);
         let reach = |of: &dyn Fn(&Late) -> i64| {
-            let furthest = channels.iter().map(of).fold(0, i64::max);
+            let furthest = late.iter().map(of).fold(0, i64::max);
             usize::try_from(furthest).unwrap_or(0)
         };
         Some(Self {
             rows: Around::new(reach(&|late| -late.first), reach(&Late::last)),
-            channels,
+            late,
+            sums: vec![0.0; delays.len()],
         })
     }
 
@@ -101,21 +123,27 @@ impl Alignment {
 
     /// Readings in step, handed to `store`, with place and faults: those of every sample that a
     /// reading rests on.
-    pub(super) fn sample(&self, store: &mut dyn FnMut(usize, f64)) -> (Place, Health) {
+    pub(super) fn sample(&mut self, store: &mut dyn FnMut(usize, f64)) -> (Place, Health) {
         let own = self.rows.at(0);
         let mut health = own.map_or(Health::GOOD, |row| row.health);
-        for (channel, late) in self.channels.iter().enumerate() {
-            let mut sum = 0.0;
-            for (offset, weight) in (late.first..).zip(&late.weights) {
+        self.sums.fill(0.0);
+        for late in &self.late {
+            let sums = self.sums.get_mut(late.channels.clone()).unwrap_or_default();
+            for (offset, weights) in (late.first..).zip(&late.weights) {
                 let Some(row) = self.rows.at(offset) else {
                     continue;
                 };
-                sum += weight * row.readings.get(channel).copied().unwrap_or(0.0);
+                let readings = row.readings.get(late.channels.clone()).unwrap_or_default();
+                for ((sum, reading), weight) in sums.iter_mut().zip(readings).zip(weights) {
+                    *sum += weight * reading;
+                }
                 if self.rows.is_faulty() {
                     health = health.union(row.health);
                 }
             }
-            store(channel, sum);
+        }
+        for (channel, sum) in self.sums.iter().enumerate() {
+            store(channel, *sum);
         }
         (own.map_or(Place::Record(0), |row| row.place), health)
     }
