@@ -1,7 +1,7 @@
 //! A channel that comes late: found, corrected by the lines that are printed, and right.
 
 use crate::bench::{BAND, massline};
-use crate::test::{Recorded, recorded, rewrite};
+use crate::test::{Recorded, assert_replayed, recorded, rewrite};
 
 fn late(test: &Recorded, channel: &str, samples: usize) {
     rewrite(test, |header, rows| {
@@ -44,20 +44,7 @@ fn the_lines_that_check_prints_mend_it() {
     let fraction = setup
         .to_toml()
         .replace(entry, &format!("{entry}delay = 2.75\n"));
-    // A box holds fewer lines than this machine.
-    let fraction = fraction.replace("mode_band = [30.0, 75.0]", "mode_band = [30.0, 50.0]");
-    std::fs::write(test.path().join("fraction.toml"), fraction).unwrap();
-    let replayed = massline(
-        test.path(),
-        ["replay", "fraction.toml", "--host", "--blocks", "4"],
-    );
-    assert_eq!(
-        replayed.code,
-        Some(0),
-        "{}{}",
-        replayed.stdout,
-        replayed.stderr
-    );
+    assert_replayed(&test, &fraction, "4");
     // Noise of 1 % decides both; without the first three samples and the last three they differ by
     // less than a tenth of what the delay makes.
     assert!(

@@ -1,5 +1,6 @@
 //! The satellite's test on disk, as it is recorded and as it is changed.
 
+use crate::bench::massline;
 use massline::setup::Setup;
 use massline::simulate::{Model, Options, simulate};
 use std::path::{Path, PathBuf};
@@ -73,4 +74,15 @@ pub fn rewrite(test: &Recorded, change: impl Fn(&mut Vec<String>, &mut Vec<Vec<S
         out.extend(rows.iter().map(|row| row.join(",")));
         std::fs::write(&file, out.join("\n") + "\n").unwrap();
     }
+}
+
+/// Asserts that the box gets the samples that this machine averages, so many blocks of each run.
+#[track_caller]
+pub fn assert_replayed(test: &Recorded, setup: &str, blocks: &str) {
+    // A box holds fewer lines than this machine.
+    let setup = setup.replace("mode_band = [30.0, 75.0]", "mode_band = [30.0, 50.0]");
+    std::fs::write(test.path().join("replayed.toml"), setup).unwrap();
+    let replay = ["replay", "replayed.toml", "--host", "--blocks", blocks];
+    let out = massline(test.path(), replay);
+    assert_eq!(out.code, Some(0), "{}{}", out.stdout, out.stderr);
 }
