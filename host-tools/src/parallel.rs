@@ -32,7 +32,7 @@ pub(crate) fn each<T: Send, E: Send>(
 ) -> Result<(Vec<T>, Duration), E> {
     let mut done = 0;
     let job = |number: usize, _: &mut dyn FnMut(f64)| job(number);
-    run(count, threads, &job, &mut |number, _| {
+    run(count, threads, BETWEEN, &job, &mut |number, _| {
         done += 1;
         progress(done, number);
     })
@@ -49,8 +49,19 @@ pub(crate) fn each_with_shares<T: Send, E: Send>(
     job: Job<'_, T, E>,
     progress: &mut dyn FnMut(usize, f64),
 ) -> Result<Vec<T>, E> {
+    with_shares(count, threads, BETWEEN, job, progress)
+}
+
+/// The same, with so much time between two words about the share of a job at least.
+fn with_shares<T: Send, E: Send>(
+    count: usize,
+    threads: Option<usize>,
+    between: Duration,
+    job: Job<'_, T, E>,
+    progress: &mut dyn FnMut(usize, f64),
+) -> Result<Vec<T>, E> {
     let mut shares = vec![0.0; count];
-    let told = run(count, threads, job, &mut |number, share: f64| {
+    let told = run(count, threads, between, job, &mut |number, share: f64| {
         if let Some(slot) = shares.get_mut(number) {
             *slot = share.clamp(0.0, 1.0);
         }
@@ -89,6 +100,7 @@ pub(crate) fn processors() -> usize {
 fn run<T: Send, E: Send>(
     count: usize,
     threads: Option<usize>,
+    between: Duration,
     job: Job<'_, T, E>,
     told: &mut dyn FnMut(usize, f64),
 ) -> Result<(Vec<T>, Duration), E> {
@@ -98,7 +110,10 @@ fn run<T: Send, E: Send>(
     if threads == 1 {
         for (number, slot) in results.iter_mut().enumerate() {
             let began = Instant::now();
-            *slot = Some(job(number, &mut seldom(|share| told(number, share)))?);
+            *slot = Some(job(
+                number,
+                &mut seldom(between, |share| told(number, share)),
+            )?);
             work += began.elapsed();
             told(number, 1.0);
         }
@@ -117,7 +132,9 @@ fn run<T: Send, E: Send>(
                     }
                     let began = Instant::now();
                     // Nobody listens any more after a failure elsewhere.
-                    let mut share = seldom(|share| drop(sender.send((number, Word::Share(share)))));
+                    let mut share = seldom(between, |share| {
+                        drop(sender.send((number, Word::Share(share))))
+                    });
                     let done = job(number, &mut share);
                     if sender
                         .send((number, Word::Done(done, began.elapsed())))
@@ -145,10 +162,10 @@ fn run<T: Send, E: Send>(
 }
 
 /// Hands shares on, but not those that follow another one too soon.
-fn seldom(mut told: impl FnMut(f64)) -> impl FnMut(f64) {
+fn seldom(between: Duration, mut told: impl FnMut(f64)) -> impl FnMut(f64) {
     let mut last: Option<Instant> = None;
     move |share| {
-        if last.is_none_or(|last| last.elapsed() >= BETWEEN) {
+        if last.is_none_or(|last| last.elapsed() >= between) {
             last = Some(Instant::now());
             told(share);
         }
@@ -190,32 +207,21 @@ mod tests {
     #[test]
     fn shares_add_up_to_the_number_of_jobs() {
         let job = |n: usize, share: &mut dyn FnMut(f64)| {
-            // The second one comes too soon, unless the machine is slow.
             share(0.25);
             share(0.5);
             Ok::<_, ()>(n)
         };
-        for threads in [1, 3] {
-            let mut last = 0.0;
-            let mut heard = 0;
-            let done = each_with_shares(5, Some(threads), &job, &mut |_, sum| {
-                assert!(sum > last, "{sum} after {last}");
-                (last, heard) = (sum, heard + 1);
-            });
-            assert_eq!((done, last), (Ok(vec![0, 1, 2, 3, 4]), 5.0));
-            assert!((10..=15).contains(&heard), "{heard}");
+        // All shares are told, or the first one of each job.
+        for (between, words) in [(Duration::ZERO, 15), (Duration::MAX, 10)] {
+            for threads in [1, 3] {
+                let mut last = 0.0;
+                let mut heard = 0;
+                let done = with_shares(5, Some(threads), between, &job, &mut |_, sum| {
+                    assert!(sum > last, "{sum} after {last}");
+                    (last, heard) = (sum, heard + 1);
+                });
+                assert_eq!((done, last, heard), (Ok(vec![0, 1, 2, 3, 4]), 5.0, words));
+            }
         }
-    }
-
-    #[test]
-    fn shares_are_told_seldom() {
-        let mut heard = Vec::new();
-        let mut share = seldom(|share| heard.push(share));
-        share(0.1);
-        share(0.2);
-        std::thread::sleep(BETWEEN);
-        share(0.3);
-        drop(share);
-        assert_eq!((heard.first(), heard.last()), (Some(&0.1), Some(&0.3)));
     }
 }

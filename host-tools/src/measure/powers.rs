@@ -94,6 +94,10 @@ impl Powers {
         for (slot, of) in own.iter_mut().zip(&self.of) {
             *slot = sample.get(*of).copied().unwrap_or_default();
         }
+        if self.samples + self.latest == 0 {
+            // Squares of an offset would hide those of the motion in single precision.
+            self.mean = own;
+        }
         let (mut square, mut cube) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let x = own[i] - self.mean[i];
@@ -127,12 +131,13 @@ impl Powers {
         self.latest = 0;
         let samples = self.samples as f64;
         for (i, [total, squares]) in self.totals.iter_mut().enumerate() {
-            *total += f64::from(self.deviations[i]) + latest * f64::from(self.mean[i]);
+            let deviations = f64::from(self.deviations[i]);
+            *total += deviations + latest * f64::from(self.mean[i]);
             *squares += f64::from(self.squares[i]);
-            let mean = *total / samples;
             if is_first {
-                *squares -= *total * mean;
+                *squares -= deviations * deviations / latest;
             }
+            let mean = *total / samples;
             let variance = *squares / samples;
             let per_variance = (1.0 / variance) as f32;
             let moves = variance > 0.0 && per_variance > 0.0 && per_variance.is_finite();
@@ -198,6 +203,30 @@ mod tests {
         assert!((squares[1] - 6.0).abs() < limit(10134.0), "{squares:?}");
         assert!(products[0].abs() < limit(15.0), "{products:?}");
         assert!(products[1].abs() < limit(42.0), "{products:?}");
+    }
+
+    /// The variance of the first samples is theirs, whatever the offset: in single precision squares of the offset
+    /// would be off by more than all of it.
+    #[test]
+    fn an_offset_does_not_hide_the_variance() {
+        let mut rng = Draws::new(7);
+        let mut powers = both();
+        let samples: Vec<f32> = (0..EVERY)
+            .map(|_| (1e5 + 7.0 * rng.normal()) as f32)
+            .collect();
+        for x in &samples {
+            powers.write(&mut [*x, 0.0, 0.0]);
+        }
+        let count = EVERY as f64;
+        let mean = samples.iter().map(|x| f64::from(*x)).sum::<f64>() / count;
+        let squares = samples.iter().map(|x| (f64::from(*x) - mean).powi(2));
+        let deviation = (squares.sum::<f64>() / count).sqrt();
+        let mut sample = [(mean + 20.0) as f32, 0.0, 0.0];
+        powers.write(&mut sample);
+        let x = f64::from(sample[0]) - mean;
+        // The mean is rounded to 4e-3 of 20, twice in the square.
+        let ratio = f64::from(sample[1]) * deviation / (x * x);
+        assert!((ratio - 1.0).abs() < 4e-4, "{ratio}");
     }
 
     /// A channel that does not move, or moves out of all bounds, has no powers.

@@ -99,18 +99,8 @@ pub(super) fn read(
     };
     let mut hash = DefaultHasher::new();
     let mut resolution = ResultantNoise::default();
-    let uncoupled = |channel, frequency| {
-        // 1 / (s / (s + 2π c)) at s = 2π i f.
-        let corner = setup.ac_corner(channel);
-        Complex::new(
-            1.0,
-            if corner == 0.0 {
-                0.0
-            } else {
-                -corner / frequency
-            },
-        )
-    };
+    // 1 / (s / (s + 2π c)) at s = 2π i f.
+    let uncoupled = |channel, frequency| Complex::new(1.0, -setup.ac_corner(channel) / frequency);
     let mut row = vec![0.0; columns.len()];
     while recording.next_row_f64(|i, x| row[i] = x)? {
         let frequency = row[0];

@@ -404,17 +404,16 @@ impl Setup {
         })
     }
 
-    /// The channels of two sensors whose couplings to alternating current differ, if there are any.
+    /// Checks that all sensors are coupled alike; the error names the channels of two that are not.
     pub(crate) fn are_coupled_alike(&self) -> Result<(), [&str; 2]> {
         let mut all = self.timings();
-        let first = all.next();
-        let Some((first, other)) = first.and_then(|first| {
-            let other = all.find(|other| other.ac_corner != first.ac_corner)?;
-            Some((first, other))
-        }) else {
+        let Some(first) = all.next() else {
             return Ok(());
         };
-        Err([first.channel, other.channel])
+        match all.find(|other| other.ac_corner != first.ac_corner) {
+            None => Ok(()),
+            Some(other) => Err([first.channel, other.channel]),
+        }
     }
 
     /// Channels of all sensors: accelerometers, then load cells.
