@@ -240,6 +240,23 @@ fn all_methods_side_by_side_refuse_each_for_itself() {
     anyway.shows("±");
 }
 
+/// A reversed accelerometer leaves less than a tenth of the forces to some methods, by another body.
+#[test]
+fn a_method_that_hides_a_contradiction_is_refused_by_the_recommended_one() {
+    for (channel, method) in [("base1.y", "b"), ("base1.x", "b"), ("base1.x", "d")] {
+        let setup = Setup::satellite("hidden", |t| reversed(t, is(channel)));
+        let document = setup.document(&["--method", method], 1);
+        assert!(document["misfit"].as_f64().unwrap() < 0.1, "{document}");
+        let refused = document["refused"].as_str().unwrap();
+        let by = "by the recommended method apparent-mass a rigid body leaves ";
+        assert!(refused.starts_with(by), "{refused}");
+        assert!(
+            refused.contains(&format!("`{channel}` has the other sign")),
+            "{refused}"
+        );
+    }
+}
+
 /// Scales that alternate between 3 % too much and too little are a poor calibration, not
 /// another body: error bars are widened, and all numbers are within 5 %.
 #[test]

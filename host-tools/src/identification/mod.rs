@@ -257,7 +257,31 @@ impl<'s> Session<'s> {
         let mut answer = self.answer_with(method, choice, &accelerations, progress)?;
         answer.why = why.filter(|_| answer.is_dynamic());
         answer.warnings.splice(0..0, warnings);
+        if answer.refused.is_none() && method != Method::ApparentMass {
+            answer.refused = self.refused_by_recommended(progress)?;
+        }
         Ok(answer)
+    }
+
+    /// The reason why the recommended method finds no rigid body in the data, if it is the apparent mass.
+    fn refused_by_recommended(
+        &mut self,
+        progress: OnProgress<'_>,
+    ) -> Result<Option<Refusal>, AnswerError> {
+        let method = Method::ApparentMass;
+        if recommended(self.setup).0 != method {
+            return Ok(None);
+        }
+        let measurement = self.measurement(&Accelerations::Interface, progress)?;
+        let found = identify_from(self.setup, method, Procedure::Direct, &measurement);
+        Ok(found.ok().and_then(|found| {
+            refusal::by_recommended(&Judged {
+                identification: &found.identification,
+                type_b: None,
+                consistency: found.consistency,
+                widened: true,
+            })
+        }))
     }
 
     /// The answer of one method, with the base acceleration from the given accelerometers,

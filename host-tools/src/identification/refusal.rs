@@ -15,7 +15,7 @@ use std::fmt;
 /// deviations) leave up to 9 %, and an answer that is wrong by as much, with error bars that say
 /// so. One interface accelerometer with the wrong sign leaves 11 % (method a) to 51 % (c), one
 /// load cell 61 to 67 %. Method b, whose pseudo forces are powers, leaves less than all
-/// others, 3 and 16 %: what it misses is said by the recommended method.
+/// others, 3 and 16 %: what it misses is said by the recommended method, see [`by_recommended`].
 const MISFIT: f64 = 0.1;
 
 /// Half widths of the 95 % interval by which a moment of inertia or the triangle inequality
@@ -62,6 +62,16 @@ pub(crate) fn refusal(judged: &Judged<'_>) -> Option<Refusal> {
         .or_else(|| contradiction(judged))
         .or_else(|| impossible(i))
         .or_else(|| weighed(judged))
+}
+
+/// The reason why no method's numbers must be believed: the recommended one finds no rigid body in the data.
+/// Others can leave less of the forces by a body that is another one.
+pub(crate) fn by_recommended(judged: &Judged<'_>) -> Option<Refusal> {
+    let found = contradiction(judged)?;
+    Some(Refusal {
+        fact: format!("by the recommended method apparent-mass {}", found.fact),
+        remedy: found.remedy,
+    })
 }
 
 /// The mass that the data say; a weighed one times Δ.
