@@ -258,30 +258,27 @@ impl<'s> Session<'s> {
         answer.why = why.filter(|_| answer.is_dynamic());
         answer.warnings.splice(0..0, warnings);
         if answer.refused.is_none() && method != Method::ApparentMass {
-            answer.refused = self.refused_by_recommended(progress)?;
+            answer.refused = self.refused_by_recommended();
         }
         Ok(answer)
     }
 
-    /// The reason why the recommended method finds no rigid body in the data, if it is the apparent mass.
-    fn refused_by_recommended(
-        &mut self,
-        progress: OnProgress<'_>,
-    ) -> Result<Option<Refusal>, AnswerError> {
-        let method = Method::ApparentMass;
+    /// The reason why the recommended method finds no rigid body in the data, if it is the apparent mass, and its
+    /// averages are there: they are read beside those of any other method.
+    fn refused_by_recommended(&self) -> Option<Refusal> {
+        let (method, procedure) = (Method::ApparentMass, Procedure::Direct);
         if recommended(self.setup).0 != method {
-            return Ok(None);
+            return None;
         }
-        let measurement = self.measurement(&Accelerations::Interface, progress)?;
-        let found = identify_from(self.setup, method, Procedure::Direct, &measurement);
-        Ok(found.ok().and_then(|found| {
-            refusal::by_recommended(&Judged {
-                identification: &found.identification,
-                type_b: None,
-                consistency: found.consistency,
-                widened: true,
-            })
-        }))
+        let mut known = self.measurements.iter();
+        let (_, interface) = known.find(|(a, _)| *a == Accelerations::Interface)?;
+        let found = identify_from(self.setup, method, procedure, interface).ok()?;
+        refusal::by_recommended(&Judged {
+            identification: &found.identification,
+            type_b: None,
+            consistency: found.consistency,
+            widened: true,
+        })
     }
 
     /// The answer of one method, with the base acceleration from the given accelerometers,
