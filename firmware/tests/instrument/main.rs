@@ -10,5 +10,6 @@ mod recorder;
 mod refusals;
 mod runs;
 mod selftest;
+mod shaken;
 mod sizes;
 mod unplugged;

@@ -9,14 +9,17 @@ use std::fs;
 use massline::device::firmware;
 use massline_firmware::models::setup;
 use massline_firmware::wire::{
-    Accelerations, Event, Gaps, Grid, Method, Outcome, Procedure, Processing, Provoke, Reply,
-    Request, Setting, Source, Stream, Subscription, Telemetry, Window,
+    Accelerations, Event, FromBox, Gaps, Grid, Method, Packed, Procedure, Processing, Provoke, Reply,
+    Request, Samples, Setting, Source, Stream, Subscription, Telemetry, Values,
 };
 
 use massline_tests::readme;
 use massline_tests::xtask::image;
 
 use crate::talk::Talk;
+
+#[path = "../../../firmware/tests/instrument/shaken.rs"]
+mod shaken;
 
 // The budgets. A budget is lowered freely, and raised only with the reason in the commit.
 
@@ -50,7 +53,7 @@ const ITERATIVE: Procedure = Procedure::Iterative {
 
 const RUNS: u8 = 6;
 /// Samples of a run: those that fill the filters, one block, and two more that overlap.
-const SAMPLES: u64 = 2400;
+const SAMPLES: usize = 2400;
 /// At 512 samples/s, 0.5 to 48 Hz in steps of half a hertz.
 const LINES: u32 = 96;
 
@@ -64,14 +67,13 @@ pub fn pieces(
     send(&Request::BeginSetup(setup::plan(RUNS, 0)));
     send(&Request::SetProcessing(Processing {
         sample_rate,
-        window: Window::Rectangular,
         kept_band: [1, LINES].map(|line| f64::from(line) * sample_rate / 1024.0),
         averaging_band,
         accelerations,
         minimum_weight: 1.0,
         ..setup::PROCESSING
     }));
-    for sensor in setup::sensors(0.15, 1.0) {
+    for sensor in setup::sensors(shaken::REACH, 1.0) {
         send(&Request::SetSensor(sensor));
     }
     for run in 0..RUNS {
@@ -96,23 +98,51 @@ pub fn set_up(
     assert_eq!(grid.lines.count as u32, LINES);
 }
 
-/// Measures all runs, and returns the instructions of the costliest block.
-fn measure(talk: &mut Talk) -> u32 {
+/// Measures all runs of a body with these shares of its two modes, and returns the instructions of the
+/// costliest block.
+fn measure(talk: &mut Talk, shares: [f64; 2]) -> u32 {
     let mut costliest = 0;
+    let together = Samples::fit(setup::CHANNELS as u8, size_of::<f32>());
     for run in 0..RUNS {
-        let start = setup::start(run, Source::Synthetic, Gaps::Count, Some(SAMPLES));
-        talk.done(&Request::Start(start));
-        let summary = talk.event(|event| match event {
-            Event::Block(block) => {
-                assert!(block.health.is_good(), "{block:?}");
-                costliest = costliest.max(block.ticks);
-                None
-            }
-            Event::RunEnded(summary) => Some(*summary),
-            _ => None,
+        talk.done(&Request::Start(setup::start(
+            run,
+            Source::Host,
+            Gaps::Refuse,
+            None,
+        )));
+        let all = shaken::samples(run.into(), SAMPLES, shares);
+        let mut first = 0;
+        for some in all.chunks(together) {
+            // The sensors, and the drive behind them.
+            let values: Vec<f32> = some
+                .iter()
+                .flat_map(|s| s[..setup::SENSORS.into()].iter().chain(s.last()))
+                .copied()
+                .collect();
+            let sent = talk.request(&Request::Samples(Samples {
+                first,
+                channels: setup::CHANNELS as u8,
+                values: Values::Readings(Packed::new(&values)),
+            }));
+            talk.wait(|id, message| match message {
+                FromBox::Event(Event::Block(block)) => {
+                    assert!(block.health.is_good(), "{block:?}");
+                    costliest = costliest.max(block.ticks);
+                    None
+                }
+                FromBox::Reply(reply) if id == sent => {
+                    assert!(matches!(reply, Reply::Progress(_)), "{reply:?}");
+                    Some(())
+                }
+                _ => None,
+            });
+            first += some.len() as u64;
+        }
+        let blocks = talk.exchange(&Request::Stop, |reply| match reply {
+            Reply::Summary(summary) => summary.blocks,
+            other => panic!("{other:?}"),
         });
-        assert_eq!((summary.run, summary.outcome), (run, Outcome::Limit));
-        assert!(summary.blocks >= 2, "{summary:?}");
+        assert!(blocks >= 2, "run {run}: {blocks} blocks");
     }
     costliest
 }
@@ -196,7 +226,7 @@ fn find_out() -> Found {
             (Accelerations::All, &METHODS[1..]),
         ] {
             set_up(&mut talk, accelerations, 512.0, band);
-            block = block.max(measure(&mut talk));
+            block = block.max(measure(&mut talk, [1.0, 0.0]));
             for &method in group {
                 let cost = identify(&mut talk, method, Procedure::Direct);
                 // For the depth of the stack.
