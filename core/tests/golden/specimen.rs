@@ -4,9 +4,9 @@ use massline_core::geometry::{Accelerometer, LoadCell, LoadShares, Mount, Quanti
 use massline_core::nalgebra::{Vector3, Vector6};
 use massline_core::rigid_body::{Inertia, RigidBody};
 
-#[path = "shaking.rs"]
-mod shaking;
-use shaking::{Noise, Sprung};
+#[path = "noise.rs"]
+mod noise;
+use noise::Noise;
 
 /// Six on the interface, two on the structure.
 pub const ACCELEROMETERS: usize = 8;
@@ -94,5 +94,19 @@ impl Specimen {
             });
             (drive as f32, sample)
         })
+    }
+}
+
+/// A mass on a spring: its coordinate by the recursion `y = c y₁ - r² y₂ + x`.
+#[derive(Clone, Copy, Default)]
+struct Sprung {
+    last: [f64; 2],
+}
+
+impl Sprung {
+    fn follow(&mut self, c: f64, x: f64) -> f64 {
+        let y = c * self.last[0] - 0.98 * self.last[1] + x;
+        self.last = [y, self.last[0]];
+        y
     }
 }

@@ -63,7 +63,7 @@ fn measure(bench: &mut Bench, run: u8, pass: Pass, notes: &mut String) {
         limit: None,
     }));
     bench.events();
-    let all = samples(run.into(), SAMPLES, [1.0; 2]);
+    let all = samples(run.into(), 512.0, SAMPLES, [1.0; 2]);
     for (first, some) in (0..).step_by(8).zip(all.chunks(8)) {
         let values: Vec<f32> = some.iter().flatten().copied().collect();
         let said = bench.ask(&Request::Samples(Samples {

@@ -1,81 +1,148 @@
 //! A body of 100 kg with two sprung masses on a shaken table: samples with noise, equal in their bits
 //! on every machine.
+//!
+//! The drive repeats, so that the sprung masses follow it as modes in continuous time do, line by line.
 
-#[path = "../../../core/tests/golden/shaking.rs"]
-mod shaking;
-use shaking::{Noise, Sprung};
+#[path = "../../../core/tests/golden/noise.rs"]
+mod noise;
+use noise::Noise;
+
+use nalgebra::{Complex, Vector6};
 
 /// Channels of a sample: the twelve sensors of the plan at a reach of 0.2 m, two accelerometers on the
 /// structure, and the drive.
 pub const CHANNELS: usize = 15;
 /// Distance of the sensors from either axis, m.
 pub const REACH: f64 = 0.2;
+/// Time after which the drive repeats, s.
+const PERIOD: f64 = 2.0;
+/// Highest frequency of the drive, in sample rates.
+const HIGHEST: f64 = 0.45;
+/// Standard deviation of the drive, m/s².
+const DRIVE: f64 = 0.6;
+/// Rotation about an axis that is shaken, rad/s² for each m/s² of the drive.
+const TURN: f64 = 3.0;
+/// Noise of each sensor in its unit, uniform between plus and minus this.
+const NOISE: f64 = 0.01;
 
-/// So many samples of a run: the table mostly moves along or about one of its axes, the body answers, each
-/// sprung mass with this share of its motion, and every sensor has noise of its own.
-pub fn samples(run: usize, count: usize, shares: [f64; 2]) -> Vec<[f32; CHANNELS]> {
+/// A sprung mass: its effective mass in kg, frequency in Hz, damping ratio, and the share of each of the
+/// table's motions that drives it.
+struct Sprung(f64, f64, f64, [f64; 6]);
+
+const SPRUNG: [Sprung; 2] = [
+    Sprung(5.0, 33.0, 0.025, [1.0, 0.0, 0.0, 0.0, 0.9, 0.0]),
+    Sprung(3.0, 45.0, 0.02, [0.0, 1.0, 0.0, -0.6, 0.0, 0.15]),
+];
+
+/// Lines of the drive, one each `1 / PERIOD` from that frequency on.
+type Lines = [Complex<f64>];
+
+/// One period, at this sample rate, of the sum of these lines, each times its own response.
+fn period(rate: f64, lines: &Lines, response: impl Fn(f64) -> Complex<f64>) -> Vec<f64> {
+    let count = (PERIOD * rate) as usize;
+    let turn = |k: usize| core::f64::consts::TAU * k as f64;
+    let lines: Vec<_> = (1..)
+        .zip(lines)
+        .map(|(k, line)| (k, line * response(turn(k) / PERIOD)))
+        .collect();
+    let at = |n: usize| {
+        let rotated = lines.iter().map(|(k, line)| {
+            let (sin, cos) = libm::sincos(turn(k * n % count) / count as f64);
+            line.re * cos - line.im * sin
+        });
+        rotated.sum()
+    };
+    (0..count).map(at).collect()
+}
+
+/// So many samples of a run at a rate in 1/s: the table mostly moves along or about one of its axes, the body
+/// answers, each sprung mass with its mass times one of `masses`, and every sensor has noise of its own.
+pub fn samples(run: usize, rate: f64, count: usize, masses: [f64; 2]) -> Vec<[f32; CHANNELS]> {
     let mut noise = Noise(run as u32 + 1);
-    // Near 33 and 45 Hz at 512 samples a second.
-    let (mut bending, mut other) = (Sprung::default(), Sprung::default());
+    let number = (HIGHEST * rate * PERIOD) as usize;
+    let amplitude = DRIVE * libm::sqrt(2.0 / number as f64);
+    let lines: Vec<_> = (0..number)
+        .map(|_| {
+            let (sin, cos) = libm::sincos(core::f64::consts::PI * noise.next());
+            Complex::new(amplitude * cos, amplitude * sin)
+        })
+        .collect();
+    let drive = period(rate, &lines, |_| Complex::new(1.0, 0.0));
+    // Acceleration of each mass against the table, for a drive of its own.
+    let swings = SPRUNG.map(|Sprung(_, frequency, damping, _)| {
+        let own = core::f64::consts::TAU * frequency;
+        period(rate, &lines, |w| {
+            Complex::from(w * w) / Complex::new(own * own - w * w, 2.0 * damping * own * w)
+        })
+    });
     let share = |axis: usize| match axis == run {
-        true => 1.0,
+        true => {
+            if axis < 3 {
+                1.0
+            } else {
+                TURN
+            }
+        }
         false => 0.05 * (axis as f64 + 1.0) - 0.02 * run as f64,
     };
-    let mut all = Vec::new();
-    for _ in 0..count {
-        let drive = noise.next();
-        let a: [f64; 6] = core::array::from_fn(|axis| share(axis) * drive);
-        let (u, v) = (
-            shares[0] * bending.follow(1.821, 0.02 * (a[0] + a[4])),
-            shares[1] * other.follow(1.687, 0.03 * (a[1] - 0.5 * a[3] + 0.2 * a[5])),
-        );
-        // Of the rigid body, its centre of gravity half a metre up, and of the sprung masses.
-        let force = [
-            100.0 * (a[0] + 0.5 * a[4]) + 40.0 * u,
-            100.0 * (a[1] - 0.5 * a[3]) + 30.0 * v,
+    let motion = Vector6::from_fn(|axis, _| share(axis));
+    let one = |n: usize| {
+        let n = n % drive.len();
+        let a = motion * drive[n];
+        // Of the rigid body, its centre of gravity half a metre up.
+        let mut force = Vector6::new(
+            100.0 * (a[0] + 0.5 * a[4]),
+            100.0 * (a[1] - 0.5 * a[3]),
             100.0 * a[2],
-            60.0 * a[3] - 50.0 * a[1] - 20.0 * v,
-            70.0 * a[4] + 50.0 * a[0] + 35.0 * u,
-            20.0 * a[5] + 4.0 * v,
-        ];
+            60.0 * a[3] - 50.0 * a[1],
+            70.0 * a[4] + 50.0 * a[0],
+            20.0 * a[5],
+        );
+        let mut swung = [0.0; 2];
+        for (((Sprung(mass, _, _, shares), swing), of), swung) in
+            SPRUNG.iter().zip(&swings).zip(masses).zip(&mut swung)
+        {
+            let shares = Vector6::from(*shares);
+            *swung = of * shares.dot(&motion) * swing[n];
+            force += shares * (mass * *swung);
+        }
         // As the plan's sensors are placed: three at (0.2, 0.2, 0), and so on.
-        let at = |p: [f64; 3], of: [f64; 6], k: usize| match k {
-            0 => of[0] - of[5] * p[1],
-            1 => of[1] + of[5] * p[0],
-            _ => of[2] + of[3] * p[1] - of[4] * p[0],
+        let at = |[x, y]: [f64; 2], k: usize| match k {
+            0 => a[0] - a[5] * y,
+            1 => a[1] + a[5] * x,
+            _ => a[2] + a[3] * y - a[4] * x,
         };
-        let places = [
-            ([REACH, REACH, 0.0], 0),
-            ([REACH, REACH, 0.0], 1),
-            ([REACH, REACH, 0.0], 2),
-            ([-REACH, REACH, 0.0], 1),
-            ([-REACH, REACH, 0.0], 2),
-            ([REACH, -REACH, 0.0], 2),
+        let accelerations = [
+            ([REACH, REACH], 0),
+            ([REACH, REACH], 1),
+            ([REACH, REACH], 2),
+            ([-REACH, REACH], 1),
+            ([-REACH, REACH], 2),
+            ([REACH, -REACH], 2),
+        ]
+        .map(|(place, k)| at(place, k));
+        let structure = [
+            a[0] + 0.6 * a[4] + 0.4 * swung[0],
+            a[1] - 0.6 * a[3] + 0.3 * swung[1],
         ];
-        let mut sample = [0.0; CHANNELS];
-        for (x, (p, k)) in sample.iter_mut().zip(places) {
-            *x = at(p, a, k);
+        let clean = accelerations
+            .into_iter()
+            .chain(cells(&force))
+            .chain(structure);
+        let mut sample = [drive[n] as f32; CHANNELS];
+        for (noisy, clean) in sample.iter_mut().zip(clean) {
+            *noisy = (clean + NOISE * noise.next()) as f32;
         }
-        for (x, f) in sample.iter_mut().skip(6).zip(cells(force)) {
-            *x = f;
-        }
-        sample[12] = a[0] + 0.6 * a[4] + 3.0 * u;
-        sample[13] = a[1] - 0.6 * a[3] + 2.0 * v;
-        let mut noisy = sample.map(|x| (x + 0.01 * noise.next()) as f32);
-        noisy[14] = drive as f32;
-        all.push(noisy);
-    }
-    all
+        sample
+    };
+    (0..count).map(one).collect()
 }
 
 /// Readings of the load cells, placed as the accelerometers are, for forces and moments about A.
-fn cells(f: [f64; 6]) -> [f64; 6] {
+fn cells(f: &Vector6<f64>) -> [f64; 6] {
     // Cells 1 and 3 along y, 2, 4 and 5 along z at (±0.2, ±0.2): moments fix their shares.
-    let along_x = f[0];
-    let y = [(f[5] + 0.2 * along_x + 0.2 * f[1]) / 0.4, 0.0];
-    let y = [y[0], f[1] - y[0]];
-    let third = (0.2 * f[2] - f[3]) / 0.4;
-    let second = (0.2 * f[2] + f[4]) / 0.4;
-    let first = f[2] - second - third;
-    [along_x, y[0], first, y[1], second, third]
+    let y = (f[5] + REACH * (f[0] + f[1])) / (2.0 * REACH);
+    let third = (REACH * f[2] - f[3]) / (2.0 * REACH);
+    let second = (REACH * f[2] + f[4]) / (2.0 * REACH);
+    [f[0], y, f[2] - second - third, f[1] - y, second, third]
 }
