@@ -156,7 +156,7 @@ fn lines(talk: &mut Talk) -> Vec<Line> {
 
 /// Results of an instrument on this machine for the first samples of the pattern.
 fn undisturbed(bench: &mut Bench, samples: u64) -> (Summary, Vec<Line>) {
-    pieces(Accelerations::Interface, RATE, 1024, BAND, |request| {
+    pieces(Accelerations::Interface, RATE, BAND, |request| {
         bench.done(request);
     });
     let said = bench.ask(&Request::EndSetup);
@@ -180,7 +180,7 @@ fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
     let mut talk = boot();
     talk.done(&Request::Provoke(Provoke::TestPattern));
     wire(&mut talk);
-    crate::budgets::set_up(&mut talk, Accelerations::Interface, RATE, 1024, BAND);
+    crate::budgets::set_up(&mut talk, Accelerations::Interface, RATE, BAND);
     talk.done(&start(Source::Inputs));
     attack(&mut talk, wanted("MASSLINE_FRAMES", 3000));
     // Enough for some blocks, at any speed of the emulator.
@@ -205,7 +205,7 @@ fn hostile_frames_neither_stop_a_run_nor_change_its_numbers() {
 #[ignore = "needs the firmware and QEMU, run it by `cargo xtask test --only emulator`"]
 fn a_run_without_an_end_leaves_every_task_its_turn() {
     let mut talk = boot();
-    crate::budgets::set_up(&mut talk, Accelerations::Interface, 512.0, 1024, BAND);
+    crate::budgets::set_up(&mut talk, Accelerations::Interface, 512.0, BAND);
     talk.done(&start(Source::Synthetic));
     talk.done(&Request::Subscribe(Subscription {
         telemetry: 10_000,

@@ -83,7 +83,7 @@ pub fn wire(talk: &mut Talk) {
 fn run(talk: &mut Talk, mut traffic: impl FnMut(&mut Talk) -> Option<u16>) -> (Summary, usize) {
     talk.done(&Request::Provoke(Provoke::TestPattern));
     wire(talk);
-    set_up(talk, Accelerations::Interface, RATE, 1024, [1.0, 20.0]);
+    set_up(talk, Accelerations::Interface, RATE, [1.0, 20.0]);
     talk.done(&Request::Subscribe(Subscription {
         telemetry: 100,
         levels: 100,
@@ -170,7 +170,7 @@ fn every_recorded_sample_is_the_one_of_its_number() {
 fn a_box_without_converters_reports_it() {
     let mut talk = boot();
     wire(&mut talk);
-    set_up(&mut talk, Accelerations::Interface, RATE, 1024, [1.0, 20.0]);
+    set_up(&mut talk, Accelerations::Interface, RATE, [1.0, 20.0]);
     let problem = talk.exchange(&start(), |reply| match reply {
         Reply::Error(refused) => refused.problem,
         other => panic!("{other:?}"),
