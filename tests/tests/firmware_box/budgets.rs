@@ -36,7 +36,7 @@ const BLOCK: u32 = 185_000;
 /// Identifications by apparent mass over 39 lines and over 96, instructions: 0.09 and 0.12 s at 168 MHz.
 const IDENTIFICATIONS: [u64; 2] = [15_000_000, 20_000_000];
 /// The same from samples with noise, of a body with one mode and of one with two.
-const WITH_NOISE: [[u64; 2]; 2] = [[18_000_000, 23_000_000], [23_500_000, 30_000_000]];
+const WITH_NOISE: [[u64; 2]; 2] = [[15_000_000, 20_000_000], [20_000_000, 27_000_000]];
 
 /// All methods, the recommended one first.
 const METHODS: [Method; 8] = [
