@@ -104,7 +104,7 @@ mod on_chip {
     static QUEUES: Storage<Queue<RawFrame, WAITING>> = Storage(UnsafeCell::new(Queue::new()));
     static SPECTRA: Storage<Spectra> = Storage(UnsafeCell::new(Spectra {
         exact: Room {
-            history: [0.0; 12 * 1024],
+            history: [0.0; 13 * 1024],
             work: [NOTHING; 1024],
             sums: [Sum::ZERO; (1 + 3 * 11) * 64],
         },
@@ -116,8 +116,8 @@ mod on_chip {
         driven: Room<{ 13 * 400 }, 256, [Sum; (1 + 3 * 12) * LINES]>,
         /// Sums of all products of twelve channels.
         full: Room<{ 13 * 400 }, 256, [CrossSums; 64]>,
-        /// Samples of twelve channels at the full rate.
-        exact: Room<{ 12 * 1024 }, 1024, [Sum; (1 + 3 * 11) * 64]>,
+        /// Samples of twelve channels at the full rate, and those that wait.
+        exact: Room<{ 13 * 1024 }, 1024, [Sum; (1 + 3 * 11) * 64]>,
     }
 
     #[derive(Clone, Copy)]

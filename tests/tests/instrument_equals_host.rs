@@ -32,7 +32,7 @@ fn short_fork(folder: &tempfile::TempDir) -> Setup {
         ));
         let short = folder.path().join(format!("{}.csv", run.name));
         let mut out = std::fs::File::create(&short).unwrap();
-        for line in text.lines().take(1 + 5200) {
+        for line in text.lines().take(1 + 5400) {
             writeln!(out, "{}", line.unwrap()).unwrap();
         }
         run.recording = short;

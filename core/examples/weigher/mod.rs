@@ -181,7 +181,7 @@ impl Weigher {
         }
         self.sums.fill(Sum::ZERO);
         self.blocks = 0;
-        self.rings.restart(&mut self.history);
+        self.rings.restart();
         Ok(())
     }
 

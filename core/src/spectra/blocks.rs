@@ -244,7 +244,6 @@ mod tests {
             }
         }
 
-        let settling = settings.support() - 4 * (N / 4 - 1) - 1;
         let cosine: std::vec::Vec<f64> = (0..N)
             .map(|n| libm::cos(2.0 * PI * n as f64 / N as f64))
             .collect();
@@ -252,8 +251,9 @@ mod tests {
         for line in 1..=LINES {
             let (mut rr, mut xx, mut xr) = (0.0, 0.0, [0.0; 2]);
             for end in &ends {
-                // The filters delay by half of what they look back on.
-                let first = end + 4 - N - settling / 2;
+                // The filters delay low frequencies by 1.6 samples, and by 2.7 of every second one: by
+                // 2 (1 - c)/(1 + c) in each section of second samples.
+                let first = end + 4 - N - 7;
                 let mut sum = [[0.0; 2]; 2];
                 for (n, sample) in samples[first..first + N].iter().enumerate() {
                     let window = 0.5 - 0.5 * cosine[n];

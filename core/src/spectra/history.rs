@@ -2,7 +2,6 @@
 
 use super::decimate::Decimator;
 use super::fft::{lines, transform_pairs};
-use super::half_band::TOGETHER;
 use super::lane::{Complex, Lane, Row, plus, scaled};
 use super::settings::{BlockSettings, enough};
 use super::wide::{plainly, widely};
@@ -17,6 +16,8 @@ use core::marker::PhantomData;
 pub struct Rings<L = f32> {
     settings: BlockSettings,
     channels: usize,
+    /// Elements of the storage of the filters, behind which the rings lie.
+    filters_len: usize,
     head: usize,
     decimator: Decimator,
     /// Decimated samples still missing before the next block is complete.
@@ -28,18 +29,22 @@ impl<L: Compiled> Rings<L> {
     /// Elements of storage for `channels` channels: [`BlockSettings::history_len`] of as many, in whole
     /// groups.
     pub(super) fn storage_len(settings: &BlockSettings, channels: usize) -> usize {
-        let rings = channels.next_multiple_of(L::WIDTH) * settings.transform_length();
-        rings + Self::state_len(settings, channels)
+        Self::filters_len(settings, channels) + Self::rings_len(settings, channels)
     }
 
-    /// Those of the filters' states.
-    fn state_len(settings: &BlockSettings, channels: usize) -> usize {
-        settings.filters().state_len(channels, L::Row::CHANNELS)
+    /// Those of the filters.
+    fn filters_len(settings: &BlockSettings, channels: usize) -> usize {
+        settings.filters().storage_len(channels, L::Row::CHANNELS)
+    }
+
+    /// Those of the rings.
+    fn rings_len(settings: &BlockSettings, channels: usize) -> usize {
+        channels.next_multiple_of(L::WIDTH) * settings.transform_length()
     }
 
     /// Those of `channels` channels at their beginning. `storage`, of [`BlockSettings::history_len`]
-    /// elements at least for channels one by one, will hold one ring of
-    /// [`BlockSettings::transform_length`] samples a channel, then their filters' states.
+    /// elements at least for channels one by one, will hold what the filters need, then one ring of
+    /// [`BlockSettings::transform_length`] samples a channel.
     ///
     /// # Errors
     /// [`SpectraError::Storage`] if it is too small.
@@ -52,12 +57,13 @@ impl<L: Compiled> Rings<L> {
         let mut rings = Self {
             settings,
             channels,
+            filters_len: Self::filters_len(&settings, channels),
             head: 0,
-            decimator: Decimator::new(settings.filters(), channels),
+            decimator: Decimator::new(settings.filters(), channels, L::Row::CHANNELS),
             missing: 0,
             lane: PhantomData,
         };
-        rings.restart(storage);
+        rings.restart();
         Ok(rings)
     }
 
@@ -66,28 +72,12 @@ impl<L: Compiled> Rings<L> {
         self.channels.div_ceil(L::WIDTH)
     }
 
-    /// Elements of the rings' storage, behind which the filters' states lie.
-    fn rings_len(&self) -> usize {
-        self.groups() * L::WIDTH * self.settings.transform_length()
-    }
-
-    /// Row of the storage where the filters' states begin.
-    fn first_row(&self) -> usize {
-        self.rings_len() / L::Row::CHANNELS
-    }
-
     /// Forgets all samples: the next block starts with the next one.
-    pub fn restart(&mut self, storage: &mut [f32]) {
+    pub fn restart(&mut self) {
         let n = self.settings.transform_length();
-        let states = storage.get_mut(self.rings_len()..);
-        let state_len = Self::state_len(&self.settings, self.channels);
-        if let Some(states) = states.and_then(|states| states.get_mut(..state_len)) {
-            states.fill(0.0);
-        }
-        // Those that see the start from rest are part of no block. The first block is to begin where
-        // the rings do.
-        let filters = self.settings.filters();
-        let unsettled = filters.settling() >> filters.stages();
+        self.decimator.restart();
+        // Those that see the start are part of no block. The first block is to begin where the rings do.
+        let unsettled = self.settings.settling();
         self.head = match unsettled.checked_rem(n) {
             Some(rest) if rest > 0 => n - rest,
             _ => 0,
@@ -96,15 +86,10 @@ impl<L: Compiled> Rings<L> {
         self.begin();
     }
 
-    /// Outputs that the filters yield next.
-    fn outputs(&self) -> usize {
-        self.missing.min(TOGETHER)
-    }
-
-    /// Goes on to the next outputs of the filters.
+    /// Goes on to the next outputs of the filters, once around the rings at most.
     fn begin(&mut self) {
-        let base = self.first_row();
-        self.decimator.begin(base, self.outputs());
+        let most = self.settings.transform_length();
+        self.decimator.begin(self.missing.min(most));
     }
 
     /// The settings.
@@ -115,11 +100,12 @@ impl<L: Compiled> Rings<L> {
     /// Takes one sample of every channel; a channel that `sample` lacks reads zero. `true`
     /// whenever a block is complete: it can be transformed until the next sample comes. With
     /// less storage than there was at the beginning it takes nothing.
+    ///
+    /// In place of a faulty sample the one before it is to be pushed once more: blocks begin
+    /// [`BlockSettings::support`] after it, when filters have forgotten a step, but not yet a number
+    /// that is a thousand times as large.
     #[inline(always)]
     pub fn push(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
-        if self.settings.filters().stages() == 0 {
-            return self.push_unfiltered(storage, sample);
-        }
         self.decimator.push::<L::Row>(storage, sample) && self.filter(storage)
     }
 
@@ -127,53 +113,17 @@ impl<L: Compiled> Rings<L> {
     #[inline(never)] // Storing a sample is to be short.
     fn filter(&mut self, storage: &mut [f32]) -> bool {
         let n = self.settings.transform_length();
-        let places = storage.split_at_mut_checked(self.rings_len());
-        let state_len = Self::state_len(&self.settings, self.channels);
-        let Some((rings, states)) = places.filter(|(_, states)| states.len() >= state_len) else {
+        let needed = Self::rings_len(&self.settings, self.channels);
+        let parts = storage.split_at_mut_checked(self.filters_len);
+        let Some((filters, rings)) = parts.filter(|(_, rings)| rings.len() >= needed) else {
             self.begin();
             return false;
         };
         let place = (n, self.head);
-        let outputs = L::filter(&mut self.decimator, states, rings, place);
-        if outputs == 0 {
-            let base = self.first_row();
-            self.decimator.go_on(base);
-            return false;
-        }
+        let outputs = L::filter(&mut self.decimator, filters, rings, place);
         let complete = self.advance(outputs);
         self.begin();
         complete
-    }
-
-    /// Takes one sample of every channel at the full rate. `true` if a block is complete.
-    #[inline(never)] // As above.
-    fn push_unfiltered(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
-        let n = self.settings.transform_length();
-        let Some(rings) = storage.get_mut(..self.rings_len()) else {
-            return false;
-        };
-        let at = self.head * L::WIDTH;
-        if sample.len() < self.channels {
-            for ring in rings.chunks_exact_mut((L::WIDTH * n).max(1)) {
-                let slots = ring.iter_mut().skip(at).take(L::WIDTH);
-                slots.for_each(|x| *x = 0.0);
-            }
-        }
-        let sample = sample.get(..self.channels).unwrap_or(sample);
-        let rings = rings.chunks_exact_mut((L::WIDTH * n).max(1));
-        if L::WIDTH == 1 {
-            for (ring, x) in rings.zip(sample) {
-                if let Some(slot) = ring.get_mut(at) {
-                    *slot = *x;
-                }
-            }
-        } else {
-            for (ring, group) in rings.zip(sample.chunks(L::WIDTH)) {
-                let slots = ring.iter_mut().skip(at);
-                slots.zip(group).for_each(|(slot, x)| *slot = *x);
-            }
-        }
-        self.advance(1)
     }
 
     /// Goes on by some outputs. `true` if a block is complete.
@@ -198,7 +148,8 @@ impl<L: Compiled> Rings<L> {
         kept: &mut [Complex32],
     ) {
         let n = self.settings.transform_length();
-        let mut rings = storage
+        let rings = storage.get(self.filters_len..).unwrap_or_default();
+        let mut rings = rings
             .chunks_exact((L::WIDTH * n).max(1))
             .take(self.groups());
         if let (Some(ring), Some(work)) = (rings.nth(group), work.get_mut(..n / 2)) {
@@ -222,7 +173,7 @@ pub trait Compiled: Lane {
     /// [`Decimator::filter`] of this type.
     fn filter(
         decimator: &mut Decimator,
-        states: &mut [f32],
+        storage: &mut [f32],
         rings: &mut [f32],
         place: (usize, usize),
     ) -> usize;
@@ -245,13 +196,13 @@ macro_rules! compiled {
 
             fn filter(
                 decimator: &mut Decimator,
-                states: &mut [f32],
+                storage: &mut [f32],
                 rings: &mut [f32],
                 place: (usize, usize),
             ) -> usize {
                 $run(
                     #[inline(always)]
-                    || decimator.filter::<Self>(states, rings, place),
+                    || decimator.filter::<Self>(storage, rings, place),
                 )
             }
         }
@@ -410,14 +361,11 @@ mod tests {
             let len = settings.history_len(2);
             let mut storage = [NOTHING; 4096];
             let mut rings = Rings::<f32>::new(settings, 2, &mut storage[..len]).unwrap();
-            let rings_len = 2 * settings.transform_length();
+            let rings_at = len - 2 * settings.transform_length();
             for _ in 0..10_000 {
                 assert!(!rings.push(&mut storage[..len - 1], &[1.0, 1.0]), "{whole}");
             }
-            assert!(
-                storage[..rings_len].iter().all(|x| *x == NOTHING),
-                "{whole}"
-            );
+            assert!(storage[rings_at..].iter().all(|x| *x == NOTHING), "{whole}");
         }
     }
 }

@@ -22,8 +22,8 @@ pub trait Row: Copy {
     /// The same as numbers.
     fn numbers_mut(rows: &mut [Self]) -> &mut [f32];
 
-    /// Stores a sample of channels side by side in every `stride`-th of the rows from `at` on.
-    fn store(rows: &mut [Self], place: (usize, usize), sample: &[f32]);
+    /// Stores a sample of channels side by side as the row `at`, modulo `N`, of each group's queue.
+    fn store<const N: usize>(queues: &mut [[Self; N]], at: usize, sample: &[f32]);
 }
 
 macro_rules! row {
@@ -44,20 +44,20 @@ macro_rules! row {
             }
 
             #[inline(always)]
-            fn store(rows: &mut [Self], (mut at, stride): (usize, usize), sample: &[f32]) {
+            fn store<const N: usize>(queues: &mut [[Self; N]], at: usize, sample: &[f32]) {
                 let (groups, rest) = sample.as_chunks::<$n>();
+                let mut queues = queues.iter_mut();
+                for (x, queue) in groups.iter().zip(&mut queues) {
+                    // Never beyond the queue, which needs no check then.
+                    if let Some(row) = queue.get_mut(at % N) {
+                        *row = *x;
+                    }
+                }
                 if !rest.is_empty()
-                    && let Some($row) = rows.get_mut(at + groups.len() * stride)
+                    && let Some($row) = queues.next().and_then(|queue| queue.get_mut(at % N))
                 {
                     let $rest = rest;
                     $store_rest
-                }
-                for x in groups {
-                    let Some(row) = rows.get_mut(at) else {
-                        break;
-                    };
-                    *row = *x;
-                    at += stride;
                 }
             }
         }

@@ -150,16 +150,22 @@ impl BlockSettings {
         2.0 / (self.grid.spacing * n * n * self.window.power())
     }
 
-    /// Elements of history that `channels` need: decimated samples and filter states.
+    /// Elements of history that `channels` need: decimated samples, and those of the filters.
     #[must_use]
     pub fn history_len(&self, channels: usize) -> usize {
-        channels * self.transform_length() + self.filters.state_len(channels, GROUP)
+        channels * self.transform_length() + self.filters.storage_len(channels, GROUP)
     }
 
-    /// Consecutive samples that have a part in a block: what its filters look back on, too.
+    /// Consecutive samples that have a part in a block: those on which its filters settle, too. As many
+    /// come from a start to the end of the first block.
     #[must_use]
     pub fn support(&self) -> usize {
-        ((self.transform_length() - 1) << self.filters.stages()) + self.filters.settling() + 1
+        (self.transform_length() + self.settling()) << self.filters.stages()
+    }
+
+    /// Decimated samples on which the filters settle.
+    pub(super) fn settling(&self) -> usize {
+        self.filters.settling(self.window != Window::Rectangular)
     }
 
     /// Elements of line storage that `channels` need.
@@ -205,8 +211,10 @@ mod tests {
         assert_eq!(settings.grid().count, 96);
         assert_eq!(settings.lines_len(13), 13 * 96);
         assert_eq!(settings.lines_len(1), 96);
-        // Filters hold their channels by fours.
-        assert_eq!(settings.history_len(16), 4 * settings.history_len(4));
+        // Filters hold their channels by fours, and one place for all.
+        let [four, eight, sixteen] = [4, 8, 16].map(|channels| settings.history_len(channels));
+        assert_eq!(sixteen - eight, 2 * (eight - four));
+        assert_eq!(2 * four - eight, 4 * 64);
     }
 
     /// White noise of unit density at a sample rate of 128 Hz has a variance of 64; weighted by

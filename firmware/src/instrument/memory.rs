@@ -20,7 +20,7 @@ use massline_core::spectra::{Complex32, Sum};
 use nalgebra::Complex;
 
 /// The drive and the twelve resultants.
-const AVERAGED: usize = 1 + RESULTANTS;
+pub(super) const AVERAGED: usize = 1 + RESULTANTS;
 /// Decimations of a block whose lines begin at the bottom of the spectrum: each halves it, as
 /// long as the last line stays within 25/64 of what is left.
 const DECIMATIONS: usize = {
@@ -32,16 +32,16 @@ const DECIMATIONS: usize = {
 };
 /// Decimated samples of a block.
 pub(super) const TRANSFORM: usize = BLOCK_LENGTH >> DECIMATIONS;
-/// States of the filters of four channels, which lie together. One decimation more adds 128, and takes
-/// more samples off.
-const FILTERS: usize = match DECIMATIONS {
-    0 => 0,
-    1 => 4 * 64,
-    count => 4 * (64 + 48 + 32 * (count - 2)),
-};
+/// Numbers that four channels have in the filters: samples that wait, and memory of each stage. One
+/// decimation more adds 20, and takes more samples off.
+const FILTERS: usize = 4 * (64 + 8 + 5 * DECIMATIONS.saturating_sub(1));
 
-/// Samples and filter states of the blocks that are under way.
-const HISTORY: usize = AVERAGED * TRANSFORM + AVERAGED.div_ceil(4) * FILTERS;
+/// Samples and filters of the blocks that are under way. All channels share a place between the stages.
+const HISTORY: usize = AVERAGED * TRANSFORM
+    + match DECIMATIONS {
+        0 => 0,
+        _ => 4 * 64 + AVERAGED.div_ceil(4) * FILTERS,
+    };
 /// Lines of the drive and of the channel that is transformed.
 const BLOCK_LINES: usize = 2 * LINES;
 /// Running sums: the drive's power, and three numbers for each resultant.

@@ -1,6 +1,6 @@
 //! The run that is going on: samples become blocks, blocks become an average.
 
-use super::memory::Averaging;
+use super::memory::{AVERAGED, Averaging};
 use super::readings::Sample;
 use super::setup::Lines;
 use super::storage::Storage;
@@ -87,6 +87,10 @@ pub(super) struct Run<'m> {
     rings: Rings,
     task: Task,
     counts: Counts,
+    /// Index after the last sample that rests on a faulty one.
+    spoilt: u64,
+    /// The last one that rests on none.
+    good: [f32; AVERAGED],
     /// Index of the first sample of the block that is under way.
     block_first: u64,
     /// Index after the last sample with each fault.
@@ -115,6 +119,8 @@ impl<'m> Run<'m> {
             rings,
             task,
             counts: Counts::default(),
+            spoilt: 0,
+            good: [0.0; AVERAGED],
             block_first: 0,
             faulty: [0; Health::KINDS],
             ticks: [0; 2],
@@ -182,11 +188,12 @@ impl<'m> Run<'m> {
         self.counts.next = first;
         self.reject(Health::MISSING, 0, out);
         if let Some(room) = self.storage.scratch.run_mut() {
-            self.rings.restart(&mut room.history);
+            self.rings.restart();
             room.channels.skip(missing);
             room.alignment.restart();
         }
         self.faulty = [0; Health::KINDS];
+        self.spoilt = 0;
         self.block_first = first;
     }
 
@@ -235,15 +242,21 @@ impl<'m> Run<'m> {
             self.counts.overloads = self.counts.overloads.saturating_add(1);
         }
         if !health.is_good() {
+            // And of all samples that rest on it.
             let [reach, _] = room.alignment.reach();
+            self.spoilt = index.saturating_add(1).saturating_add(reach as u64);
             for (kind, last) in self.faulty.iter_mut().enumerate() {
                 if health.contains(Health(1 << kind)) {
-                    // And of all samples that rest on it.
-                    *last = index.saturating_add(1).saturating_add(reach as u64);
+                    *last = self.spoilt;
                 }
             }
         }
-        if !is_aligned || !self.rings.push(&mut room.history, &input) {
+        // In place of a sample that rests on a faulty one stays the last good one: filters remember it longer
+        // than its blocks are left out.
+        if index >= self.spoilt {
+            self.good = input;
+        }
+        if !is_aligned || !self.rings.push(&mut room.history, &self.good) {
             return;
         }
         let begun = board.ticks();
@@ -272,9 +285,8 @@ impl<'m> Run<'m> {
         self.block_first = first.saturating_add(self.lines.settings.hop() as u64);
         if let Task::Survey(survey) = &mut self.task
             && survey.turn()
-            && let Some(room) = self.storage.scratch.run_mut()
         {
-            self.rings.restart(&mut room.history);
+            self.rings.restart();
             self.block_first = self.counts.next;
         }
     }

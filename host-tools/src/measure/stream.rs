@@ -133,7 +133,8 @@ impl Shared {
         vec![0.0; self.made.len() + SIX]
     }
 
-    /// Writes the channels of a sample, with its sums; powers of it only if it is good.
+    /// Writes the channels of a sample, with its sums and powers. In place of one that is not good, those
+    /// of the sample before stay: filters remember it longer than its blocks are left out.
     #[inline]
     fn write<'a>(
         &mut self,
@@ -141,7 +142,8 @@ impl Shared {
         sums: impl Fn(usize) -> Six,
         into: &'a mut [f32],
     ) -> &'a [f32] {
-        for origin in &self.origins {
+        let origins = self.origins.iter();
+        for origin in origins.filter(|_| good) {
             let own = into.get_mut(origin.channel..).unwrap_or_default();
             match &origin.source {
                 Source::Scaled(from, factors) => {

@@ -123,9 +123,7 @@ pub fn replay<P: Port>(
 /// Samples that give so many blocks.
 fn samples_of(settings: &BlockSettings, blocks: u32) -> u64 {
     let hops = u64::from(blocks.saturating_sub(1)) * settings.hop() as u64;
-    // The first block begins with a sample that decimation keeps.
-    let decimation = settings.block_length() / settings.transform_length();
-    (settings.support() + decimation - 1) as u64 + hops
+    settings.support() as u64 + hops
 }
 
 /// Weights as the box has them, run by run, one a sensor.
