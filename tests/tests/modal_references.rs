@@ -138,14 +138,16 @@ fn effective_masses_from_noise_free_responses() {
     assert!(modal.warnings.is_empty(), "{:?}", modal.warnings);
 }
 
-/// The goal is 5 %, for leakage with a damping of 1 %. It is missed: measured are 4.1 to 5.4 %, by where
-/// the blocks begin, with and without decimation, all by one direction of the second mode, in which it has
-/// 2 % of the mass.
+/// The goal is 5 %, for leakage with a damping of 1 %; measured is 4.8 %, in the direction in which the second
+/// mode has 2 % of the mass. Blocks that overlap by three quarters, since by half it is 4.1 to 5.4 % by where
+/// they begin.
 #[test]
 fn effective_masses_from_recordings_in_short_blocks() {
     let references = fork::references();
-    let modal = modal(&fork::with_blocks(1024));
-    assert!(effective_errors(&modal, &references) < 6.0);
+    let mut setup = fork::with_blocks(1024);
+    setup.processing.as_mut().unwrap().overlap = 0.75;
+    let modal = modal(&setup);
+    assert!(effective_errors(&modal, &references) < 5.0);
     let coarse = modal.warnings.iter().find(|w| w.contains("too coarse"));
     let coarse = coarse.expect("blocks of 2 s are short for a damping of 1 %");
     assert!(coarse.contains("`block_length` of 4096"), "{coarse}");
