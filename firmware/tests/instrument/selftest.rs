@@ -16,7 +16,7 @@ fn the_body_comes_back_within_its_bound() {
         let off = check.found.expect(name) - check.truth;
         assert!(off.abs() <= check.bound, "{name} is off by {off}");
         // Not a bound that anything passes: mass and inertia of the body are of order one.
-        assert!(check.bound < 2e-4, "{name}");
+        assert!(check.bound < 2e-5, "{name}");
     }
     // Its runs are its own: a host hears of the start, and of nothing else.
     assert_eq!(bench.events(), [Heard::Started]);
