@@ -66,7 +66,8 @@ pub(crate) fn find_poles(
     let mut cost = fit.refine(trace, ROUGH, f64::INFINITY, search);
     // Strongest first, one at a time, each next one in what the others leave.
     let mut refused: heapless::Vec<usize, TRIES> = heapless::Vec::new();
-    while fit.modes < MAX_MODES {
+    let rounding = ROUNDING * trace.len() as f64;
+    while fit.modes < MAX_MODES && cost > rounding {
         let Some(line) = fit.strongest_peak(trace, &refused) else {
             break;
         };
