@@ -416,7 +416,7 @@ fn a_weighed_mass_that_is_wrong() {
     let text = texts.join("\n");
     assert!(
         text.contains(
-            "nothing but `known_mass` contradicts the setup: it is 1200 kg, and the data say 799.9 kg"
+            "nothing but `known_mass` contradicts the setup: it is 1200 kg, and the data say 799.8 kg"
         ),
         "{text}"
     );
