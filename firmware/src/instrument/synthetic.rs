@@ -58,7 +58,7 @@ const TAPS: usize = 5;
 const AHEAD: u32 = 2;
 const COEFFICIENT_BITS: usize = 20;
 /// Fractional bits of the swing.
-const SWING_BITS: u32 = 16;
+const SWING_BITS: usize = 16;
 /// Noise that stands for 1 m/s².
 const UNIT: f32 = 16384.0;
 
@@ -91,7 +91,7 @@ struct Spring {
     swing: Wrapping<i64>,
     before: Wrapping<i64>,
     /// The newest accelerations, the oldest first.
-    accelerations: [i64; TAPS + 2],
+    accelerations: [Wrapping<i64>; TAPS + 2],
 }
 
 impl Spring {
@@ -100,12 +100,12 @@ impl Spring {
     fn step(&mut self, s: i64) -> i64 {
         self.accelerations.rotate_left(1);
         if let Some(newest) = self.accelerations.last_mut() {
-            *newest = s;
+            *newest = Wrapping(s);
         }
         let mut sum = NOW * self.swing - BEFORE * self.before;
         for (around, tap) in self.accelerations.windows(3).zip(DRIVEN) {
             if let [before, at, after] = around {
-                sum += tap * Wrapping((after - 2 * at + before) << SWING_BITS);
+                sum += tap * ((after - Wrapping(2) * at + before) << SWING_BITS);
             }
         }
         let half = Wrapping(1 << (COEFFICIENT_BITS - 1));
@@ -175,8 +175,8 @@ impl Synthetic {
     /// The next sample in SI, channel by channel.
     pub(super) fn sample(&mut self, into: &mut [f32; CHANNELS]) -> usize {
         let s = noise(self.n);
-        let swing = self.spring.step(noise((self.n + AHEAD) % PERIOD));
-        self.n = (self.n + 1) % PERIOD;
+        let swing = self.spring.step(noise(self.n.wrapping_add(AHEAD) % PERIOD));
+        self.n = self.n.wrapping_add(1) % PERIOD;
         let s = s as f32 / UNIT;
         let swing = swing as f32 / (UNIT * (1 << SWING_BITS) as f32);
         for (slot, [of_table, of_swing]) in into.iter_mut().zip(&self.gains) {

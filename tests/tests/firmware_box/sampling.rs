@@ -22,7 +22,7 @@ pub const RATE: f64 = 256.0;
 /// Inputs that are wired, as many as the run has channels.
 pub const INPUTS: u8 = 13;
 /// Samples of the run: ten blocks, and those that fill the filters.
-const SAMPLES: u64 = 6000;
+const SAMPLES: u64 = 6200;
 /// Pings in flight: as many as the queue from the host holds, so that with bytes without end only
 /// the box itself delays them.
 const FLOOD: usize = 100;
