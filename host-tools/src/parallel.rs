@@ -15,8 +15,44 @@ enum Word<T> {
     Done(T, Duration),
 }
 
-/// A job by its number, which may tell the share of it that is done, 0 to 1.
-type Job<'a, T, E> = &'a (dyn Fn(usize, &mut dyn FnMut(f64)) -> Result<T, E> + Sync);
+/// A job by its number, which may tell the share of it that is done, 0 to 1, and take an idle thread.
+type Job<'a, T, E> = &'a (dyn Fn(usize, &mut dyn FnMut(f64), &Idle) -> Result<T, E> + Sync);
+
+/// Number of threads that have nothing to do, so that a job may start as many of its own.
+pub(crate) struct Idle(AtomicUsize);
+
+impl Idle {
+    /// No thread, as where a job is the only one.
+    pub(crate) const fn none() -> Self {
+        Self::new(0)
+    }
+
+    /// So many threads.
+    pub(crate) const fn new(count: usize) -> Self {
+        Self(AtomicUsize::new(count))
+    }
+
+    /// One of them, which is idle again once this is dropped; `None` if there is none.
+    pub(crate) fn take(&self) -> Option<Taken<'_>> {
+        let less = |count: usize| count.checked_sub(1);
+        let taken = (self.0).fetch_update(Ordering::Relaxed, Ordering::Relaxed, less);
+        taken.ok().map(|_| Taken(self))
+    }
+
+    /// One more.
+    pub(crate) fn add(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A thread that was idle.
+pub(crate) struct Taken<'a>(&'a Idle);
+
+impl Drop for Taken<'_> {
+    fn drop(&mut self) {
+        self.0.add();
+    }
+}
 
 /// Does jobs 0 to `count` on `threads` threads, as many as there are processors if `None`.
 /// Gives the results in order and the time that the threads worked. `progress` hears how many
@@ -31,7 +67,7 @@ pub(crate) fn each<T: Send, E: Send>(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<(Vec<T>, Duration), E> {
     let mut done = 0;
-    let job = |number: usize, _: &mut dyn FnMut(f64)| job(number);
+    let job = |number: usize, _: &mut dyn FnMut(f64), _: &Idle| job(number);
     run(count, threads, BETWEEN, &job, &mut |number, _| {
         done += 1;
         progress(done, number);
@@ -104,7 +140,9 @@ fn run<T: Send, E: Send>(
     job: Job<'_, T, E>,
     told: &mut dyn FnMut(usize, f64),
 ) -> Result<(Vec<T>, Duration), E> {
-    let threads = threads.unwrap_or_else(processors).clamp(1, count.max(1));
+    let wanted = threads.unwrap_or_else(processors).max(1);
+    let threads = wanted.min(count.max(1));
+    let idle = &Idle::new(wanted - threads);
     let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
     let mut work = Duration::ZERO;
     if threads == 1 {
@@ -113,6 +151,7 @@ fn run<T: Send, E: Send>(
             *slot = Some(job(
                 number,
                 &mut seldom(between, |share| told(number, share)),
+                idle,
             )?);
             work += began.elapsed();
             told(number, 1.0);
@@ -128,6 +167,7 @@ fn run<T: Send, E: Send>(
                 loop {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     if number >= count {
+                        idle.add();
                         return;
                     }
                     let began = Instant::now();
@@ -135,7 +175,7 @@ fn run<T: Send, E: Send>(
                     let mut share = seldom(between, |share| {
                         drop(sender.send((number, Word::Share(share))))
                     });
-                    let done = job(number, &mut share);
+                    let done = job(number, &mut share, idle);
                     if sender
                         .send((number, Word::Done(done, began.elapsed())))
                         .is_err()
@@ -196,6 +236,34 @@ mod tests {
     }
 
     #[test]
+    fn threads_without_a_job_are_idle_and_no_others() {
+        let at_once = |count: usize, threads: usize| {
+            let most = Idle::new(0);
+            let job = |_: usize, _: &mut dyn FnMut(f64), idle: &Idle| {
+                // Kept until the job's end, as a job that started threads of its own would.
+                let taken: Vec<Taken<'_>> = std::iter::from_fn(|| idle.take()).collect();
+                (most.0).fetch_max(taken.len(), Ordering::Relaxed);
+                Ok::<_, ()>(())
+            };
+            let done = with_shares(count, Some(threads), BETWEEN, &job, &mut |_, _| ());
+            assert!(done.is_ok());
+            most.0.into_inner()
+        };
+        assert_eq!(at_once(4, 1), 0);
+        assert_eq!(at_once(1, 4), 3);
+        for _ in 0..100 {
+            // Three threads beyond the jobs, and at most that which ended first.
+            let most = at_once(2, 5);
+            assert!((2..=4).contains(&most), "{most}");
+        }
+        let idle = Idle::new(1);
+        let taken = idle.take();
+        assert!(taken.is_some() && idle.take().is_none());
+        drop(taken);
+        assert!(idle.take().is_some());
+    }
+
+    #[test]
     fn a_failure_ends_it() {
         let fails = |n: usize| if n == 7 { Err(n) } else { Ok(n) };
         assert_eq!(
@@ -206,7 +274,7 @@ mod tests {
 
     #[test]
     fn shares_add_up_to_the_number_of_jobs() {
-        let job = |n: usize, share: &mut dyn FnMut(f64)| {
+        let job = |n: usize, share: &mut dyn FnMut(f64), _: &Idle| {
             share(0.25);
             share(0.5);
             Ok::<_, ()>(n)

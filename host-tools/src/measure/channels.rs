@@ -11,6 +11,7 @@ use super::opened::drive_columns;
 use super::samples::{Samples, feed};
 use super::stream::{Seen, Signal, Sink, stream};
 use super::{MeasureError, MeasuredRun, Measurement, Progress, Spectra};
+use crate::parallel::Idle;
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::masslines::StaticPoses;
@@ -96,6 +97,7 @@ fn of_run(
         &drives,
         &mut [&mut same],
         &mut |_| {},
+        &Idle::none(),
         progress,
     )?;
     finished(

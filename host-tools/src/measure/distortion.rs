@@ -27,6 +27,7 @@ use super::opened::Opened;
 use super::powers::Power;
 use super::stream::{Seen, Signal, Sink};
 use super::{MeasureError, Measurement, Progress, survey};
+use crate::parallel::Idle;
 use crate::setup::{Excitation, Mount, Setup};
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{Average, BlockSettings};
@@ -334,7 +335,7 @@ pub(crate) fn sensor_distortions(
         let of = |tested| Distortions::of(&geometry, tested, band.clone(), drives);
         let mut cells = of(Tested::Cells(cells));
         let mut others = of(Tested::Accelerometers(interface.clone()));
-        opened.read(&mut [&mut cells, &mut others], &mut report)?;
+        opened.read(&mut [&mut cells, &mut others], &Idle::none(), &mut report)?;
         let mut accelerometers = others.finish(&opened.settings);
         for found in &mut accelerometers {
             found.signal = interface.get(found.signal).copied().unwrap_or_default();

@@ -215,6 +215,7 @@ mod tests {
     use super::super::{BlockStorage, stream::Seen};
     use super::*;
     use crate::draws::Draws;
+    use crate::parallel::Idle;
     use crate::recording::Recording;
     use massline_core::spectra::{Average, BlockSettings, Window};
     use std::fmt::Write as _;
@@ -285,6 +286,7 @@ mod tests {
             &numbers,
             sinks,
             &mut |_| {},
+            &Idle::none(),
             &mut |_| {},
         )
         .unwrap();

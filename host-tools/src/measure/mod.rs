@@ -19,6 +19,7 @@ mod powers;
 mod random;
 mod redundancy;
 mod rejected;
+mod rows;
 mod samples;
 mod silent;
 mod sine;

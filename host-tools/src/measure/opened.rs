@@ -5,6 +5,7 @@ use super::geometry::channel_names;
 use super::rejected::Rejected;
 use super::stream::{Sink, stream};
 use super::{MeasureError, WINDOW};
+use crate::parallel::Idle;
 use crate::recording::{ChannelHealth, Health, Preamble, Recording};
 use crate::setup::{Excitation, Processing, Run, Setup};
 use massline_core::spectra::{BlockSettings, LineRange, SpectraError};
@@ -87,10 +88,11 @@ impl<'a> Opened<'a> {
         }
     }
 
-    /// Reads all samples, into all of their consumers.
+    /// Reads all samples, into all of their consumers; on two threads as soon as one is `idle`.
     pub(super) fn read(
         &mut self,
         sinks: &mut [&mut dyn Sink],
+        idle: &Idle,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Read, MeasureError> {
         let mut health = Health::new(self.channels);
@@ -100,6 +102,7 @@ impl<'a> Opened<'a> {
             &self.drives,
             sinks,
             &mut |samples| health.add_all(samples),
+            idle,
             progress,
         )?;
         Ok(Read { rejected, health })

@@ -12,6 +12,7 @@ use super::survey;
 use super::unexplained::Unexplained;
 use super::units::Noticed;
 use super::{MeasureError, Rejected};
+use crate::parallel::Idle;
 use crate::recording::{ChannelHealth, Preamble, Recording};
 use crate::setup::{Run, Setup};
 use massline_core::geometry::{PackedNoise, RESULTANTS, ResultantNoise};
@@ -178,7 +179,11 @@ pub(super) fn read(
     let of_interface = survey::geometry(setup, number);
     let of_interface = of_interface.unwrap_or_else(|_| geometry.clone());
     let mut distortions = Distortions::new(&of_interface, band.indices(), opened.drives.len());
-    let read = opened.read(&mut [&mut resultants, &mut distortions], progress)?;
+    let read = opened.read(
+        &mut [&mut resultants, &mut distortions],
+        &Idle::none(),
+        progress,
+    )?;
     let averaged = resultants.finish(&opened, &distortions)?.with(storage);
     let distortions = distortions.finish(&opened.settings);
     let ended = opened.ended(read);

@@ -4,13 +4,13 @@ use super::geometry::RunGeometry;
 use super::halves::{Half, Halves, SIX, Six};
 use super::powers::{Power, Powers};
 use super::rejected::{Gate, Rejected};
+use super::rows::Rows;
 use super::{BlockStorage, MeasureError};
+use crate::parallel::Idle;
 use crate::recording::Recording;
 use massline_core::geometry::RESULTANTS;
 use massline_core::spectra::{BlockSettings, BlockSpectra, Complex32};
-
-/// Rows between two reports of progress.
-const REPORT_ROWS: u64 = 4096;
+use massline_firmware::wire::Health;
 
 /// A signal that a consumer has transformed.
 pub(super) enum Signal<'a> {
@@ -23,7 +23,7 @@ pub(super) enum Signal<'a> {
 }
 
 /// A consumer of a recording: channels made of each sample, and their spectra block by block.
-pub(super) trait Sink {
+pub(super) trait Sink: Send {
     /// Its channels, behind the drives.
     fn channels(&self) -> Vec<Signal<'_>>;
 
@@ -248,15 +248,19 @@ fn planned(drives: &[usize], sinks: &[&mut dyn Sink]) -> (Vec<Shared>, Halves) {
     (all, halves)
 }
 
-/// Streams a recording through blocks into all of its consumers, in one pass. The drives, whose columns
-/// are given, come first in the blocks. A block with a faulty sample goes nowhere, and `watch` sees
-/// good samples only, one or more at a time.
+/// Sees good samples only, one or more at a time.
+pub(super) type Watch<'w> = &'w mut (dyn FnMut(&[f32]) + Send);
+
+/// Streams a recording through blocks into all of its consumers, in one pass; on two threads as soon as one is `idle`,
+/// with the same results. The drives, whose columns are given, come first in the blocks. A block with a faulty sample
+/// goes nowhere.
 pub(super) fn stream(
     recording: &mut Recording,
     settings: &BlockSettings,
     drives: &[usize],
     sinks: &mut [&mut dyn Sink],
-    watch: &mut dyn FnMut(&[f32]),
+    watch: Watch<'_>,
+    idle: &Idle,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Rejected, MeasureError> {
     let channels = recording.channels();
@@ -272,21 +276,8 @@ pub(super) fn stream(
         })?;
         feeds.push((blocks, shared.room(), shared));
     }
-    let mut sample = vec![0.0_f32; channels];
     let mut gate = Gate::new(settings);
-    loop {
-        let before = recording.rows();
-        let mut health = massline_firmware::wire::Health::GOOD;
-        let rows = match recording.good_rows() {
-            [] => {
-                if !recording.next_row(&mut sample)? {
-                    break;
-                }
-                health = recording.health();
-                sample.as_slice()
-            }
-            rows => rows,
-        };
+    let mut take = |rows: &[f32], health: Health| {
         if health.is_good() {
             watch(rows);
         }
@@ -312,10 +303,8 @@ pub(super) fn stream(
                 }
             }
         }
-        if recording.rows() / REPORT_ROWS != before / REPORT_ROWS {
-            progress(recording.progress());
-        }
-    }
+    };
+    Rows::new(recording).hand_out(&mut take, idle, progress)?;
     Ok(gate.rejected)
 }
 

@@ -10,6 +10,7 @@ use super::stream::{Seen, Signal, Sink};
 use super::sums::{SumStorage, Sums};
 use super::units::Noticed;
 use super::{MeasureError, Progress, sine};
+use crate::parallel::Idle;
 use crate::setup::{Excitation, Run, Setup};
 use massline_core::geometry::{Equations, MAX_CHANNELS, RESULTANTS};
 use massline_core::spectra::{BandError, BlockSettings, DriveAverage, LineRange};
@@ -69,7 +70,7 @@ pub fn survey_first(
         let mut opened = Opened::new(setup, number, limit, &mut settings, &mut |_| Ok(()))?;
         let mut storage = SumStorage::default();
         let mut sensors = Sensors::new(&opened, &geometry, &mut storage)?;
-        let read = opened.read(&mut [&mut sensors], &mut report)?;
+        let read = opened.read(&mut [&mut sensors], &Idle::none(), &mut report)?;
         let found = sensors.finish(&opened, &read)?;
         report(1.0);
         Ok(found)

@@ -12,7 +12,7 @@ use super::units::StatedUnits;
 use super::{
     Accelerations, MeasureError, Measurement, Progress, RunGeometry, Survey, Wanted, assemble,
 };
-use crate::parallel;
+use crate::parallel::{self, Idle};
 use crate::recording::Recording;
 use crate::setup::{Excitation, Run, Setup};
 use massline_core::spectra::BlockSettings;
@@ -49,8 +49,9 @@ pub(crate) fn together(
         return Ok(None);
     }
     let settings = block_settings(setup)?;
-    let job = |at: usize, report: &mut dyn FnMut(f64)| {
-        pass(setup, numbers[at], selections, limit, settings, report)
+    let job = |at: usize, report: &mut dyn FnMut(f64), idle: &Idle| {
+        let wanted = (numbers[at], selections, limit);
+        pass(setup, wanted, settings, idle, report)
     };
     let mut report = |latest: usize, done: f64| {
         let number = numbers[latest];
@@ -106,10 +107,9 @@ pub(crate) fn together(
 /// Reads one random run.
 fn pass(
     setup: &Setup,
-    number: usize,
-    selections: &[Accelerations],
-    limit: Option<u64>,
+    (number, selections, limit): (usize, &[Accelerations], Option<u64>),
     mut settings: Option<BlockSettings>,
+    idle: &Idle,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Passed, MeasureError> {
     let run = &setup.runs[number];
@@ -152,7 +152,7 @@ fn pass(
         sinks.push(sink);
     }
     sinks.push(&mut distortions);
-    let read = opened.read(&mut sinks, progress)?;
+    let read = opened.read(&mut sinks, idle, progress)?;
     let averaged = resultants
         .into_iter()
         .map(|r| r.finish(&opened, &distortions));
