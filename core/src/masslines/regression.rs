@@ -38,6 +38,7 @@ pub(super) struct Regression {
 
 /// The first term of a solution.
 pub(super) struct FirstTerm {
+    terms: heapless::Vec<usize, MAX_TERMS>,
     coefficients: Matrix6<f64>,
     /// Of the coefficients in one row, for a residual of one.
     variances: [f64; 6],
@@ -59,6 +60,8 @@ pub(super) struct Solution {
     complete: bool,
     /// Expected squared error over variance: above one where left-out terms may bias.
     inflation: f64,
+    /// Of the first term's coefficients in one row, for a residual of one, once [`Regression::risk`] was asked.
+    variances: [f64; 6],
 }
 
 impl Regression {
@@ -311,6 +314,7 @@ impl Regression {
     /// The part of a solution with which [`Self::risk`] compares others.
     pub(super) fn first_term(&self, solution: &Solution) -> Option<FirstTerm> {
         Some(FirstTerm {
+            terms: solution.terms.clone(),
             coefficients: solution.coefficients.fixed_rows::<6>(0).into(),
             variances: variances(&solution.schur, self.excitation.rank())?,
             residual: solution.residual.diagonal(),
@@ -329,6 +333,7 @@ impl Regression {
         let Some(p) = variances(&solution.schur, rank) else {
             return f64::INFINITY;
         };
+        solution.variances = p;
         let (p, p_full) = (seen(&p[..]), seen(&full.variances[..]));
         let (residual, first) = (seen(&full.residual), seen(&full.coefficients));
         let coefficients = seen(&solution.coefficients);
@@ -351,6 +356,21 @@ impl Regression {
         let bias = not_negative(distance + 0.5 * libm::sqrt(spread));
         solution.inflation = 1.0 + bias / variance;
         variance + bias
+    }
+
+    /// `true` if a coefficient of the first term lies further from that of `larger`, a solution with more terms,
+    /// than chance explains: then those that `solution` leaves out are there. [`Self::risk`] has been asked of it.
+    pub(super) fn is_contradicted(&self, solution: &Solution, larger: &FirstTerm) -> bool {
+        let (own, other) = (seen(&solution.coefficients), seen(&larger.coefficients));
+        let (p, p_other) = (seen(&solution.variances[..]), seen(&larger.variances[..]));
+        let residual = seen(&larger.residual);
+        (0..self.excitation.rank()).any(|i| {
+            let variance = (p_other[i] - p[i]) * self.correlation * CHANCE;
+            (0..self.equations.count()).any(|j| {
+                let difference = own[(i, j)] - other[(i, j)];
+                difference * difference > variance * residual[j]
+            })
+        })
     }
 
     /// The equations in combinations whose residuals are independent and of variance one.
@@ -485,6 +505,7 @@ impl Solution {
         residual: NO_MATRIX,
         complete: false,
         inflation: 0.0,
+        variances: [0.0; 6],
     };
 
     /// `true` if it has a coefficient of this term.
@@ -496,6 +517,23 @@ impl Solution {
     pub(super) fn spent(&mut self) -> &mut [[f64; SIZE]; 6] {
         self.terms.clear();
         &mut self.coefficients.data.0
+    }
+}
+
+/// Square of a difference over its variance that is no chance: three standard deviations.
+const CHANCE: f64 = 9.0;
+
+impl FirstTerm {
+    /// `true` if a solution has no terms but these.
+    pub(super) fn holds(&self, solution: &Solution) -> bool {
+        solution.terms.iter().all(|t| self.terms.contains(t))
+    }
+
+    /// Takes the place of that of another solution, of which [`Regression::risk`] has been asked; the residual stays.
+    pub(super) fn become_that_of(&mut self, solution: &Solution) {
+        self.terms.clone_from(&solution.terms);
+        self.coefficients = solution.coefficients.fixed_rows::<6>(0).into();
+        self.variances = solution.variances;
     }
 }
 

@@ -23,7 +23,7 @@ use crate::masslines::bands::Bands;
 use crate::masslines::driven::{Columns, Driven, Functions, MAX_TERMS};
 use crate::masslines::lines::{Internals, indices, two_a_line};
 use crate::masslines::moved::Moved;
-use crate::masslines::regression::{Regression, Solution};
+use crate::masslines::regression::{FirstTerm, Regression, Solution};
 use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
 use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
 use core::ops::Range;
@@ -485,6 +485,11 @@ fn most(regression: &mut Regression, basis: &Basis, into: &mut Solution) -> Opti
 /// the scatter that this distance has anyway (the focused information criterion of
 /// Claeskens and Hjort). What bias remains in the best set widens its error bars.
 ///
+/// The full set scatters most, and bias of a few coefficients is little in the sum over all: a set is not taken
+/// either if one of its coefficients contradicts the set that was best before. With stepped sines and 3 % of noise, a
+/// quarter of the fits left out the satellite's first mode otherwise, their masses were off by 2.4 standard deviations,
+/// and 74 % of the 95 % intervals of the mass held.
+///
 /// Leaves it in `best`; `None` if there is none.
 #[inline(never)]
 fn choose(
@@ -495,13 +500,18 @@ fn choose(
 ) -> Option<()> {
     let most = most(regression, basis, best)?;
     let full = regression.first_term(best)?;
+    let mut larger = regression.first_term(best)?;
     let mut least = regression.risk(best, &full);
     let mut consider = |chosen: &[usize]| {
         if regression.solve_first_term(chosen, candidate).is_some() {
             let risk = regression.risk(candidate, &full);
-            if risk < least {
+            let is_contradicted = |larger: &FirstTerm| {
+                larger.holds(candidate) && regression.is_contradicted(candidate, larger)
+            };
+            if risk < least && !is_contradicted(&larger) {
                 least = risk;
                 core::mem::swap(best, candidate);
+                larger.become_that_of(best);
             }
         }
     };
