@@ -171,9 +171,16 @@ mod tests {
         path
     }
 
-    /// All that is taken, piece by piece, the words of progress and the outcome; on two threads from the given piece
-    /// on.
-    fn taken(path: &Path, from: Option<usize>) -> (Vec<(Vec<f32>, Health)>, Vec<f64>, String) {
+    /// All that is taken of a recording.
+    struct Taken {
+        pieces: Vec<(Vec<f32>, Health)>,
+        /// Words of progress.
+        shares: Vec<f64>,
+        outcome: String,
+    }
+
+    /// What is taken on two threads from the given piece on.
+    fn taken(path: &Path, from: Option<usize>) -> Taken {
         let mut recording = Recording::open(path, &["b", "a"]).unwrap();
         let (mut pieces, mut shares) = (Vec::new(), Vec::new());
         let idle = Idle::new(usize::from(from == Some(0)));
@@ -186,7 +193,11 @@ mod tests {
         let rows = Rows::new(&mut recording);
         let done = rows.hand_out(&mut take, &idle, &mut |share| shares.push(share));
         let outcome = done.map_or_else(|error| error.to_string(), |()| "read".to_owned());
-        (pieces, shares, outcome)
+        Taken {
+            pieces,
+            shares,
+            outcome,
+        }
     }
 
     #[test]
@@ -195,17 +206,21 @@ mod tests {
         for (wrong, expected) in [(None, "read"), (Some(7_500), "line 7502")] {
             let path = written(folder.path(), wrong);
             let alone = taken(&path, None);
-            assert!(alone.2.contains(expected), "{}", alone.2);
-            let rows: usize = alone.0.iter().map(|(rows, _)| rows.len() / 2).sum();
+            assert!(alone.outcome.contains(expected), "{}", alone.outcome);
+            let rows: usize = alone.pieces.iter().map(|(rows, _)| rows.len() / 2).sum();
             assert_eq!(rows, wrong.unwrap_or(10_000));
-            let faulty = alone.0.iter().filter(|(_, health)| !health.is_good());
+            let faulty = alone.pieces.iter().filter(|(_, health)| !health.is_good());
             assert_eq!(faulty.count(), if wrong.is_some() { 4 } else { 6 });
-            assert!(alone.1.len() >= 1 && alone.0.len() > 50);
-            for from in [0, 1, 2, 50, alone.0.len() - 1] {
+            assert!(!alone.shares.is_empty() && alone.pieces.len() > 50);
+            for from in [0, 1, 2, 50, alone.pieces.len() - 1] {
                 let both = taken(&path, Some(from));
-                assert!(both.0 == alone.0 && both.2 == alone.2, "{}", both.2);
+                assert!(
+                    both.pieces == alone.pieces && both.outcome == alone.outcome,
+                    "{}",
+                    both.outcome
+                );
                 // Shares are of what was read, which another thread may not have taken yet.
-                assert_eq!(both.1.len(), alone.1.len());
+                assert_eq!(both.shares.len(), alone.shares.len());
             }
         }
     }
