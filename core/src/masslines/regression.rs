@@ -365,7 +365,7 @@ impl Regression {
         let (p, p_other) = (seen(&solution.variances[..]), seen(&larger.variances[..]));
         let residual = seen(&larger.residual);
         (0..self.excitation.rank()).any(|i| {
-            let variance = (p_other[i] - p[i]) * self.correlation * CHANCE;
+            let variance = (p_other[i] - p[i]).max(ROUNDING * p[i]) * self.correlation * CHANCE;
             (0..self.equations.count()).any(|j| {
                 let difference = own[(i, j)] - other[(i, j)];
                 difference * difference > variance * residual[j]
@@ -522,6 +522,8 @@ impl Solution {
 
 /// Square of a difference over its variance that is no chance: three standard deviations.
 const CHANCE: f64 = 9.0;
+/// Least difference of two variances, as a share of one of them, that is not the rounding of either.
+const ROUNDING: f64 = 1e-9;
 
 impl FirstTerm {
     /// `true` if a solution has no terms but these.
