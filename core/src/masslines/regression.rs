@@ -37,6 +37,7 @@ pub(super) struct Regression {
 }
 
 /// The first term of a solution.
+#[derive(Clone)]
 pub(super) struct FirstTerm {
     terms: heapless::Vec<usize, MAX_TERMS>,
     coefficients: Matrix6<f64>,

@@ -500,7 +500,7 @@ fn choose(
 ) -> Option<()> {
     let most = most(regression, basis, best)?;
     let full = regression.first_term(best)?;
-    let mut larger = regression.first_term(best)?;
+    let mut larger = full.clone();
     let mut least = regression.risk(best, &full);
     let mut consider = |chosen: &[usize]| {
         if regression.solve_first_term(chosen, candidate).is_some() {

@@ -251,7 +251,7 @@ fn draw(case: &Case, options: &Options, number: usize) -> Result<Vec<Scored>, Co
 mod tests {
     use super::*;
 
-    /// With a term for a mode left out that another set of terms tells, the mass is off by more than two of its bars.
+    /// Fits without the term of the first mode have masses that are off by more than two standard deviations.
     #[test]
     fn a_mode_that_the_mass_needs_is_not_left_out() {
         let options = Options {
