@@ -10,7 +10,10 @@
 use super::driven::{Columns, Functions, MAX_TERMS};
 use super::excitation::IDENTITY;
 use super::{Excitation, MasslineError, Masslines, Moments};
-use crate::algebra::{inverse_lower, lower, multiply_left, multiply_right, not_negative};
+use crate::algebra::{
+    Triangle, inverse_lower, lower, multiply_left, multiply_right, not_negative, solve_positive,
+    triangle_len,
+};
 use crate::cells::{cells, seen};
 use crate::geometry::Equations;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
@@ -45,6 +48,14 @@ pub(super) struct FirstTerm {
     variances: [f64; 6],
     /// Residual variance of each measured equation.
     residual: Vector6<f64>,
+}
+
+/// Terms of which the share in the first one is known, if not where it goes in the coefficients.
+pub(super) struct KnownTerms {
+    /// Mean share of each term, zero where it is not known.
+    shares: [f64; MAX_TERMS],
+    /// Products of the terms' functions, summed over lines and excited directions.
+    products: Triangle<{ triangle_len(MAX_TERMS) }>,
 }
 
 /// The solution with a chosen set of terms.
@@ -329,7 +340,15 @@ impl Regression {
     /// The bias counts with half a standard deviation more than is seen: lines that do not tell it
     /// hide it. Without that, with 1 % noise 91 % of the 95 % intervals held where the band ends at a
     /// fifth of the first mode.
-    pub(super) fn risk(&self, solution: &mut Solution, full: &FirstTerm) -> f64 {
+    ///
+    /// It is not less than that of the `known` terms either. Where they go in the coefficients is not known, so each
+    /// is given the same bias relative to its standard deviation: the mean one over the excited directions.
+    pub(super) fn risk(
+        &self,
+        solution: &mut Solution,
+        full: &FirstTerm,
+        known: &KnownTerms,
+    ) -> f64 {
         let rank = self.excitation.rank();
         let Some(p) = variances(&solution.schur, rank) else {
             return f64::INFINITY;
@@ -340,23 +359,45 @@ impl Regression {
         let coefficients = seen(&solution.coefficients);
         let rows = self.equations.count();
         let (mut variance, mut distance, mut spread) = (0.0, 0.0, 0.0);
+        let mut size = 0.0;
         for i in 0..rank {
             let share = p[i] / p_full[i];
             // Between nested fits the variance of a difference is the difference of
             // the variances.
             let saved = 1.0 - share;
-            let mut squares = 0.0;
+            let (mut squares, mut own) = (0.0, 0.0);
             for j in 0..rows {
-                let difference = coefficients[(i, j)] - first[(i, j)];
+                let coefficient = coefficients[(i, j)];
+                let difference = coefficient - first[(i, j)];
                 squares += difference * difference / residual[j];
+                own += coefficient * coefficient / residual[j];
             }
             variance += share * rows as f64;
             distance += squares / (p_full[i] * self.correlation) - saved * rows as f64;
             spread += 2.0 * saved * saved * rows as f64;
+            size += own / (p[i] * self.correlation);
         }
-        let bias = not_negative(distance + 0.5 * libm::sqrt(spread));
-        solution.inflation = 1.0 + bias / variance;
-        variance + bias
+        let told = not_negative(distance + 0.5 * libm::sqrt(spread)) / variance;
+        let known = known.relative_bias(&solution.terms);
+        solution.inflation = 1.0 + told.max(known * known * size / rank as f64);
+        variance * solution.inflation
+    }
+
+    /// Terms of which the share in the first one is known.
+    pub(super) fn known_terms(&self, shares: &[f64; MAX_TERMS]) -> KnownTerms {
+        let (rank, normal) = (self.excitation.rank(), seen(&self.sums.normal));
+        let mut products = Triangle::ZERO;
+        let entries = &mut cells(&mut products);
+        for t in 0..self.sums.terms() {
+            for u in 0..=t {
+                let diagonal = (0..rank).map(|i| normal[(6 * t + i, 6 * u + i)]);
+                entries[(t, u)] = diagonal.sum();
+            }
+        }
+        KnownTerms {
+            shares: *shares,
+            products,
+        }
     }
 
     /// `true` if a coefficient of the first term lies further from that of `larger`, a solution with more terms,
@@ -540,6 +581,26 @@ impl FirstTerm {
     }
 }
 
+impl KnownTerms {
+    /// Mean bias of the first term, relative to it, in a fit of the `chosen` terms: these take up some of the others.
+    fn relative_bias(&self, chosen: &[usize]) -> f64 {
+        let (products, shares) = (seen(&self.products), seen(&self.shares[..]));
+        let product = |t: usize, u: usize| products[(t.max(u), t.min(u))];
+        let mut normal = Triangle::<{ triangle_len(MAX_TERMS) }>::ZERO;
+        let mut solution = [0.0; MAX_TERMS];
+        let (entries, right) = (&mut cells(&mut normal), &mut cells(&mut solution[..]));
+        for (i, t) in chosen.iter().enumerate() {
+            for (j, u) in chosen.iter().enumerate().take(i + 1) {
+                entries[(i, j)] = product(*t, *u);
+            }
+            let left_out = (0..MAX_TERMS).filter(|u| !chosen.contains(u));
+            right[i] = left_out.map(|u| shares[u] * product(*t, u)).sum();
+        }
+        let solved = solve_positive(&mut normal, &mut solution, chosen.len());
+        solved.map_or(0.0, |()| solution[0])
+    }
+}
+
 /// Makes all zero beside the diagonal.
 fn keep_diagonal(m: &mut Matrix6<f64>) {
     m.fill_lower_triangle(0.0, 1);
@@ -555,4 +616,65 @@ fn variances(matrix: &Matrix6<f64>, n: usize) -> Option<[f64; 6]> {
     Some(core::array::from_fn(|i| {
         (0..n).map(|k| inverse[(k, i)] * inverse[(k, i)]).sum()
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::SMatrix;
+
+    /// A fit of some functions to others, over lines, beside a decomposition in singular values.
+    #[test]
+    fn known_terms_bias_as_a_fit_of_those_that_are_left_says() {
+        const LINES: usize = 9;
+        let function = |t: usize, line: usize| {
+            let f = 0.3 + 0.05 * line as f64;
+            match t {
+                0 => 1.0,
+                5 => f * f,
+                _ => f * f / ((0.9 + 0.4 * t as f64) - f * f),
+            }
+        };
+        let mut products = Triangle::ZERO;
+        let entries = &mut cells(&mut products);
+        for t in 0..MAX_TERMS {
+            for u in 0..=t {
+                let lines = 0..LINES;
+                entries[(t, u)] = lines.map(|k| function(t, k) * function(u, k)).sum();
+            }
+        }
+        let shares = [0.0, 0.1, 0.2, 0.05, 0.0, 0.0];
+        let known = KnownTerms { shares, products };
+        let expected = |chosen: &[usize]| {
+            let columns = SMatrix::<f64, LINES, MAX_TERMS>::from_fn(|k, i| {
+                chosen.get(i).map_or(0.0, |t| function(*t, k))
+            });
+            let left_out = |t: &usize| !chosen.contains(t);
+            let rest = SMatrix::<f64, LINES, 1>::from_fn(|k, _| {
+                let terms = (0..MAX_TERMS).filter(left_out);
+                terms.map(|t| shares[t] * function(t, k)).sum()
+            });
+            columns.svd(true, true).solve(&rest, 1e-12).unwrap()[0]
+        };
+        for chosen in [
+            &[0][..],
+            &[0, 5],
+            &[0, 1],
+            &[0, 1, 5],
+            &[0, 1, 2],
+            &[0, 1, 4],
+        ] {
+            let (found, expected) = (known.relative_bias(chosen), expected(chosen));
+            // Normal equations square the condition, 1e4 at most here.
+            assert!(
+                (found - expected).abs() < 1e-8,
+                "{chosen:?}: {found} {expected}"
+            );
+        }
+        // Alone, the constant takes the mean of the others; all that are known leave nothing.
+        let mean = |t: usize| (0..LINES).map(|k| function(t, k)).sum::<f64>() / LINES as f64;
+        let all = 0.1 * mean(1) + 0.2 * mean(2) + 0.05 * mean(3);
+        assert!((known.relative_bias(&[0]) - all).abs() < 1e-12);
+        assert_eq!(known.relative_bias(&[0, 1, 2, 3, 5]), 0.0);
+    }
 }

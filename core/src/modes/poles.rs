@@ -53,15 +53,35 @@ impl PoleSearch {
     };
 }
 
-/// Finds the poles of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace, in ascending
-/// order. At most [`MAX_MODES`], the strongest ones; none if no peak rises above what the lines
-/// scatter by.
+/// A resonance of a trace.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Resonance {
+    /// Its pole.
+    pub pole: Pole,
+    /// Its residue e_r over the constant c₀; zero if the constant is not positive.
+    pub share: f64,
+}
+
+/// The poles of [`find_resonances`].
 #[must_use]
 pub(crate) fn find_poles(
     trace: &Trace<'_>,
     residues: Residues,
     search: &mut PoleSearch,
 ) -> heapless::Vec<Pole, MAX_MODES> {
+    let found = find_resonances(trace, residues, search);
+    found.iter().map(|resonance| resonance.pole).collect()
+}
+
+/// Finds the resonances of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace, in ascending
+/// order of their frequencies. At most [`MAX_MODES`], the strongest ones; none if no peak rises above what the lines
+/// scatter by.
+#[must_use]
+pub(crate) fn find_resonances(
+    trace: &Trace<'_>,
+    residues: Residues,
+    search: &mut PoleSearch,
+) -> heapless::Vec<Resonance, MAX_MODES> {
     let mut fit = Fit::start(trace, residues);
     let mut cost = fit.refine(trace, ROUGH, f64::INFINITY, search);
     // Strongest first, one at a time, each next one in what the others leave.
@@ -82,7 +102,7 @@ pub(crate) fn find_poles(
         }
     }
     fit.refine(trace, FINE, f64::INFINITY, search);
-    fit.poles()
+    fit.resonances()
 }
 
 /// Gain of log-likelihood that three more unknowns must bring. Noise gives three on
@@ -500,11 +520,20 @@ impl Fit {
         })
     }
 
-    fn poles(&self) -> heapless::Vec<Pole, MAX_MODES> {
-        let mut poles: heapless::Vec<Pole, MAX_MODES> =
-            (0..self.modes).map(|r| self.pole(r)).collect();
-        poles.sort_unstable_by(|a, b| a.frequency.total_cmp(&b.frequency));
-        poles
+    fn resonances(&self) -> heapless::Vec<Resonance, MAX_MODES> {
+        let p = seen(&self.parameters);
+        let resonance = |r: usize| Resonance {
+            pole: self.pole(r),
+            share: if p[0] > 0.0 {
+                p[self.at(r)] / p[0]
+            } else {
+                0.0
+            },
+        };
+        let mut found: heapless::Vec<Resonance, MAX_MODES> =
+            (0..self.modes).map(resonance).collect();
+        found.sort_unstable_by(|a, b| a.pole.frequency.total_cmp(&b.pole.frequency));
+        found
     }
 }
 
@@ -513,6 +542,7 @@ mod tests {
     use super::*;
 
     const LINES: usize = 120;
+    const CONSTANT: f64 = 2.0;
 
     fn frequency(line: usize) -> f64 {
         0.5 * (line as f64 + 1.0)
@@ -527,9 +557,18 @@ mod tests {
         residues: Residues,
         frequency: &dyn Fn(usize) -> f64,
     ) -> heapless::Vec<Pole, MAX_MODES> {
+        let found = resonances_at(modes, residues, frequency);
+        found.iter().map(|resonance| resonance.pole).collect()
+    }
+
+    fn resonances_at(
+        modes: &[(f64, f64, f64)],
+        residues: Residues,
+        frequency: &dyn Fn(usize) -> f64,
+    ) -> heapless::Vec<Resonance, MAX_MODES> {
         let mut work = [Complex::new(0.0, 0.0); 2 * LINES];
         for (k, t) in work.iter_mut().enumerate().take(LINES) {
-            *t = Complex::new(1.0, 0.0);
+            *t = Complex::new(CONSTANT, 0.0);
             for &(e, frequency_of_mode, damping) in modes {
                 let pole = Pole {
                     frequency: frequency_of_mode,
@@ -539,20 +578,21 @@ mod tests {
             }
         }
         let trace = Trace::new(&mut work, frequency);
-        find_poles(&trace, residues, &mut { PoleSearch::EMPTY })
+        find_resonances(&trace, residues, &mut { PoleSearch::EMPTY })
     }
 
     #[test]
     fn exact_lines_return_their_poles() {
         for (residues, sign) in [(Residues::Positive, 1.0), (Residues::Complex, -1.0)] {
             let modes = [(0.3, 32.5, 0.01), (sign * 0.1, 41.1, 0.02)];
-            let found = found(&modes, residues);
+            let found = resonances_at(&modes, residues, &frequency);
             assert_eq!(found.len(), 2);
-            for (pole, (_, f, z)) in found.iter().zip(modes) {
+            for (Resonance { pole, share }, (e, f, z)) in found.iter().zip(modes) {
                 // The last accepted step gains less than 1e-9 of a cost that is zero at
                 // the solution: the parameters are then good to its root, 3e-5.
                 assert!((pole.frequency / f - 1.0).abs() < 3e-5, "{pole:?}");
                 assert!((pole.damping / z - 1.0).abs() < 3e-5, "{pole:?}");
+                assert!((share * CONSTANT / e - 1.0).abs() < 3e-5, "{share}");
             }
         }
     }

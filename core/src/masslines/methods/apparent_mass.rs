@@ -25,7 +25,9 @@ use crate::masslines::lines::{Internals, indices, two_a_line};
 use crate::masslines::moved::Moved;
 use crate::masslines::regression::{FirstTerm, Regression, Solution};
 use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Trace, find_poles};
+use crate::modes::{
+    MAX_MODES, Pole, PoleSearch, Residues, Resonance, Trace, find_poles, find_resonances,
+};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 use residuals::Residuals;
@@ -132,7 +134,12 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     let alike = [1.0; MAX_RUNS];
     space.residuals.powers.keep(lines, &band);
     let mut energy = space.residuals.powers.weighted(lines, &band, &alike);
-    let (poles, _) = find_fixed_poles(lines, &energy, fit, &mut space.search, work)?;
+    let resonances = find_resonances(
+        &fixed_trace(lines, &energy, fit, work)?,
+        Residues::Positive,
+        &mut space.search,
+    );
+    let poles: heapless::Vec<Pole, MAX_MODES> = resonances.iter().map(|r| r.pole).collect();
     let basis = Basis::new(lines, &poles, &band);
     let Workspace {
         regression,
@@ -163,7 +170,14 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
     let basis = basis.with_pseudo_mode();
     fit.add(lines, driven, &equations, &band, &basis, &energy)?;
-    choose(fit.regression, &basis, fit.candidate, fit.solution).ok_or(MasslineError::Singular)?;
+    choose(
+        fit.regression,
+        &basis,
+        &shares(&resonances),
+        fit.candidate,
+        fit.solution,
+    )
+    .ok_or(MasslineError::Singular)?;
     let first = set.pairs.len();
     fit.regression.masslines(fit.solution, set)?;
     fit.find_residuals(given, shift, &band, &basis);
@@ -485,6 +499,10 @@ fn most(regression: &mut Regression, basis: &Basis, into: &mut Solution) -> Opti
 /// the scatter that this distance has anyway (the focused information criterion of
 /// Claeskens and Hjort). What bias remains in the best set widens its error bars.
 ///
+/// Few lines, or lines far below the modes, see little of that bias, and have small error bars without the terms. But
+/// the resonances tell how large the terms are, `shares` of the rigid one: no set is taken to have less bias than they make.
+/// With seven lines from 5 to 8 Hz, 1 % noise and no drive, masses were off by four standard deviations otherwise.
+///
 /// The full set scatters most, and bias of a few coefficients is little in the sum over all: a set is not taken
 /// either if one of its coefficients contradicts the set that was best before. With stepped sines and 3 % of noise, a
 /// quarter of the fits left out the satellite's first mode otherwise, their masses were off by 2.4 standard deviations,
@@ -495,16 +513,18 @@ fn most(regression: &mut Regression, basis: &Basis, into: &mut Solution) -> Opti
 fn choose(
     regression: &mut Regression,
     basis: &Basis,
+    shares: &[f64; MAX_TERMS],
     candidate: &mut Solution,
     best: &mut Solution,
 ) -> Option<()> {
     let most = most(regression, basis, best)?;
     let full = regression.first_term(best)?;
+    let known = regression.known_terms(shares);
     let mut larger = full.clone();
-    let mut least = regression.risk(best, &full);
+    let mut least = regression.risk(best, &full, &known);
     let mut consider = |chosen: &[usize]| {
         if regression.solve_first_term(chosen, candidate).is_some() {
-            let risk = regression.risk(candidate, &full);
+            let risk = regression.risk(candidate, &full, &known);
             let is_contradicted = |larger: &FirstTerm| {
                 larger.holds(candidate) && regression.is_contradicted(candidate, larger)
             };
@@ -524,6 +544,15 @@ fn choose(
         consider(&without);
     }
     regression.complete(best)
+}
+
+/// The share of each term in the rigid one that the resonances tell.
+fn shares(resonances: &[Resonance]) -> [f64; MAX_TERMS] {
+    let mut shares = [0.0; MAX_TERMS];
+    for (slot, resonance) in shares[1..].iter_mut().zip(resonances) {
+        *slot = resonance.share;
+    }
+    shares
 }
 
 /// The rigid term, those of the first `modes` modes, and the ω² term.

@@ -46,6 +46,11 @@ impl Sums {
         self.terms = terms.clamp(1, MAX_TERMS);
     }
 
+    /// Number of terms.
+    pub(super) fn terms(&self) -> usize {
+        self.terms
+    }
+
     /// Makes them all zero.
     pub(super) fn clear(&mut self) {
         self.normal.clear();

@@ -42,7 +42,7 @@ const THREE: &[Option<Method>] = &[
 ];
 
 /// All cases, in the order of the table.
-pub(super) const CASES: [Case; 8] = [
+pub(super) const CASES: [Case; 9] = [
     Case {
         name: "fork",
         what: "the tuning fork, plane: three runs of 40 s with a drive channel, 512 samples a block at 256 Hz, all sensors alike",
@@ -84,6 +84,12 @@ pub(super) const CASES: [Case; 8] = [
         what: "the satellite, six runs of 40 s, the drive not recorded",
         methods: THREE,
         draw: no_drive,
+    },
+    Case {
+        name: "few-lines",
+        what: "the satellite, six runs of 40 s, the drive not recorded, an averaging band of seven lines, 5 to 8 Hz",
+        methods: RECOMMENDED,
+        draw: few_lines,
     },
     Case {
         name: "twelve-blocks",
@@ -237,6 +243,12 @@ fn no_drive(_: &mut Chance) -> Drawn {
         }
     }
     Ok((model, Conditions::default()))
+}
+
+fn few_lines(chance: &mut Chance) -> Drawn {
+    let (mut model, conditions) = no_drive(chance)?;
+    model.measurement.averaging_band = [5.0, 8.0];
+    Ok((model, conditions))
 }
 
 fn twelve_blocks(_: &mut Chance) -> Drawn {
