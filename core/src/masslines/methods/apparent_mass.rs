@@ -499,7 +499,7 @@ fn most(regression: &mut Regression, basis: &Basis, into: &mut Solution) -> Opti
 /// the scatter that this distance has anyway (the focused information criterion of
 /// Claeskens and Hjort). What bias remains in the best set widens its error bars.
 ///
-/// Few lines, or lines far below the modes, see little of that bias, and have small error bars without the terms. But
+/// Few lines, or lines far below the modes, tell little of that bias, and error bars without the terms are small. But
 /// the resonances tell how large the terms are, `shares` of the rigid one: no set is taken to have less bias than they make.
 /// With seven lines from 5 to 8 Hz, 1 % noise and no drive, masses were off by four standard deviations otherwise.
 ///
