@@ -270,13 +270,17 @@ mod tests {
     /// Fits without the term of the first mode have masses that are off by more than two standard deviations.
     #[test]
     fn a_mode_that_the_mass_needs_is_not_left_out() {
-        assert!(masses_held("sine", 0.03) >= 50);
+        // 55, and 97 % of 300; 45 where the sum over all coefficients alone decides.
+        let held = masses_held("sine", 0.03);
+        assert!(held >= 50, "{held}");
     }
 
     /// Seven lines do not tell that the modes above them make the mass 0.1 % too large, four standard deviations;
     /// the resonances do.
     #[test]
     fn modes_that_few_lines_do_not_tell_are_known_from_their_resonances() {
-        assert!(masses_held("few-lines", 0.01) >= 55);
+        // 57, and 97 % of 300; a third of 100 other draws without what the resonances tell.
+        let held = masses_held("few-lines", 0.01);
+        assert!(held >= 55, "{held}");
     }
 }
