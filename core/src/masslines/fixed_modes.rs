@@ -8,7 +8,7 @@
 
 use super::averaging::noise_of_runs;
 use super::lines::indices;
-use super::methods::apparent_mass::{Basis, few_enough, find_fixed_poles, fixed_trace};
+use super::methods::apparent_mass::{Basis, few_enough, find_fixed_resonances, fixed_trace};
 use super::regression::{Regression, Solution};
 use super::run_powers::RunPowers;
 use super::{Lines, MAX_RUNS, MasslineError, Moments, Powers};
@@ -74,7 +74,8 @@ pub fn fixed_modes<L: Lines + ?Sized>(
     few_enough(lines)?;
     let energy = RunPowers::EMPTY.weighted(lines, &band, &[1.0; MAX_RUNS]);
     let mut search = PoleSearch::EMPTY;
-    let (poles, _) = find_fixed_poles(lines, &energy, fit.clone(), &mut search, work)?;
+    let found = find_fixed_resonances(lines, &energy, fit.clone(), &mut search, work)?;
+    let poles: heapless::Vec<Pole, MAX_MODES> = found.iter().map(|r| r.pole).collect();
     // The modes behind each pole; first as if it were one each.
     let mut behind: heapless::Vec<heapless::Vec<FixedMode, CLOSE>, MAX_MODES> =
         poles.iter().map(|_| heapless::Vec::new()).collect();

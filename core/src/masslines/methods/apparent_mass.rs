@@ -25,9 +25,7 @@ use crate::masslines::lines::{Internals, indices, two_a_line};
 use crate::masslines::moved::Moved;
 use crate::masslines::regression::{FirstTerm, Regression, Solution};
 use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::modes::{
-    MAX_MODES, Pole, PoleSearch, Residues, Resonance, Trace, find_poles, find_resonances,
-};
+use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Resonance, Trace, find_resonances};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 use residuals::Residuals;
@@ -134,11 +132,7 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     let alike = [1.0; MAX_RUNS];
     space.residuals.powers.keep(lines, &band);
     let mut energy = space.residuals.powers.weighted(lines, &band, &alike);
-    let resonances = find_resonances(
-        &fixed_trace(lines, &energy, fit, work)?,
-        Residues::Positive,
-        &mut space.search,
-    );
+    let resonances = find_fixed_resonances(lines, &energy, fit, &mut space.search, work)?;
     let poles: heapless::Vec<Pole, MAX_MODES> = resonances.iter().map(|r| r.pole).collect();
     let basis = Basis::new(lines, &poles, &band);
     let Workspace {
@@ -201,22 +195,21 @@ pub(in crate::masslines) fn few_enough<L: Lines + ?Sized>(lines: &L) -> Result<(
     Ok(())
 }
 
-/// The poles of the fixed structure, from the power-like scalar `Σ_runs a*f / a*W a`,
-/// and that scalar with its weights. `energy` is that of the averaging band.
+/// The resonances of the fixed structure in the power-like scalar `Σ_runs a*f / a*W a`. `energy` is that of the
+/// averaging band.
 ///
 /// # Errors
 /// [`MasslineError::Work`] if there are not two elements a line.
 #[inline(never)] // Gone from the stack before the regression needs it.
-pub(in crate::masslines) fn find_fixed_poles<'w, L: Lines + ?Sized>(
+pub(in crate::masslines) fn find_fixed_resonances<L: Lines + ?Sized>(
     lines: &L,
     energy: &Powers,
     fit: Range<usize>,
     search: &mut PoleSearch,
-    work: &'w mut [Complex<f64>],
-) -> Result<(heapless::Vec<Pole, MAX_MODES>, Trace<'w>), MasslineError> {
+    work: &mut [Complex<f64>],
+) -> Result<heapless::Vec<Resonance, MAX_MODES>, MasslineError> {
     let trace = fixed_trace(lines, energy, fit, work)?;
-    let poles = find_poles(&trace, Residues::Positive, search);
-    Ok((poles, trace))
+    Ok(find_resonances(&trace, Residues::Positive, search))
 }
 
 /// The scalar in which the poles of the fixed structure are looked for, with its weights.
