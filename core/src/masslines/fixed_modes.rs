@@ -75,7 +75,7 @@ pub fn fixed_modes<L: Lines + ?Sized>(
     let energy = RunPowers::EMPTY.weighted(lines, &band, &[1.0; MAX_RUNS]);
     let mut search = PoleSearch::EMPTY;
     let found = find_fixed_resonances(lines, &energy, fit.clone(), &mut search, work)?;
-    let poles: heapless::Vec<Pole, MAX_MODES> = found.iter().map(|r| r.pole).collect();
+    let poles = found.poles();
     // The modes behind each pole; first as if it were one each.
     let mut behind: heapless::Vec<heapless::Vec<FixedMode, CLOSE>, MAX_MODES> =
         poles.iter().map(|_| heapless::Vec::new()).collect();

@@ -8,7 +8,7 @@
 mod poles;
 mod trace;
 
-pub(crate) use poles::{PoleSearch, Residues, Resonance, find_poles, find_resonances};
+pub(crate) use poles::{PoleSearch, Residues, Resonances, find_poles, find_resonances};
 pub(crate) use trace::Trace;
 
 use nalgebra::Complex;

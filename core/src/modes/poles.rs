@@ -6,7 +6,7 @@
 
 use super::trace::TraceLine;
 use super::{MAX_MODES, Pole, Trace};
-use crate::algebra::{Triangle, solve_positive, triangle_len};
+use crate::algebra::{Triangle, not_negative, solve_positive, triangle_len};
 use crate::cells::{cells, seen};
 use nalgebra::{Complex, SVector};
 
@@ -62,6 +62,25 @@ pub(crate) struct Resonance {
     pub share: f64,
 }
 
+/// The resonances of a trace, and the share of those beyond it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Resonances {
+    /// The resonances in ascending order of their frequencies.
+    pub found: heapless::Vec<Resonance, MAX_MODES>,
+    /// The one above all lines of which the lines show the flank, if they do.
+    pub beyond: Option<Resonance>,
+    /// Coefficient c₁ of f² over the constant c₀, 1/Hz²; zero if the constant is not positive, or if it is
+    /// negative itself without a flank.
+    pub upper: f64,
+}
+
+impl Resonances {
+    /// Their poles.
+    pub fn poles(&self) -> heapless::Vec<Pole, MAX_MODES> {
+        self.found.iter().map(|resonance| resonance.pole).collect()
+    }
+}
+
 /// The poles of [`find_resonances`].
 #[must_use]
 pub(crate) fn find_poles(
@@ -69,8 +88,7 @@ pub(crate) fn find_poles(
     residues: Residues,
     search: &mut PoleSearch,
 ) -> heapless::Vec<Pole, MAX_MODES> {
-    let found = find_resonances(trace, residues, search);
-    found.iter().map(|resonance| resonance.pole).collect()
+    find_resonances(trace, residues, search).poles()
 }
 
 /// Finds the resonances of `t(ω) = c₀ + c₁ ω² + Σ (e_r + g_r jω/ω_r) D_r(ω)` in a trace, in ascending
@@ -81,7 +99,7 @@ pub(crate) fn find_resonances(
     trace: &Trace<'_>,
     residues: Residues,
     search: &mut PoleSearch,
-) -> heapless::Vec<Resonance, MAX_MODES> {
+) -> Resonances {
     let mut fit = Fit::start(trace, residues);
     let mut cost = fit.refine(trace, ROUGH, f64::INFINITY, search);
     // Strongest first, one at a time, each next one in what the others leave.
@@ -99,6 +117,13 @@ pub(crate) fn find_resonances(
             cost = lower;
         } else if refused.push(line).is_err() {
             break;
+        }
+    }
+    if let Some(mut flank) = fit.with_flank() {
+        let enough = cost * libm::exp(-WORTH / trace.len() as f64);
+        let lower = flank.refine(trace, ROUGH, enough, search);
+        if lower < enough && !flank.implausible(trace) {
+            fit = flank;
         }
     }
     fit.refine(trace, FINE, f64::INFINITY, search);
@@ -143,6 +168,10 @@ struct Fit {
     /// Frequency that scales the ω² term, Hz.
     unit: f64,
     residues: Residues,
+    /// Frequency of one line more than there are, Hz.
+    above: f64,
+    /// `true` if the last mode is the one above the lines.
+    flank: bool,
 }
 
 /// The parameters of a fit in single precision.
@@ -283,11 +312,15 @@ impl Fit {
     fn start(trace: &Trace<'_>, residues: Residues) -> Self {
         let mut parameters = Parameters::zeros();
         parameters[0] = trace.at(0).value.re.into();
+        let frequency = |line: usize| f64::from(trace.at(line).frequency);
+        let unit = frequency(trace.len().saturating_sub(1));
         Self {
             modes: 0,
             parameters,
-            unit: trace.at(trace.len().saturating_sub(1)).frequency.into(),
+            unit,
+            above: unit + frequency(1) - frequency(0),
             residues,
+            flank: false,
         }
     }
 
@@ -385,6 +418,34 @@ impl Fit {
             parameters,
             ..*self
         }
+    }
+
+    /// One more mode a quarter above the last line, which explains what the ω² term did. `None` if that
+    /// is nothing, or there is no room.
+    fn with_flank(&self) -> Option<Self> {
+        const ABOVE: f64 = 1.25;
+        let upper = self.parameters[1];
+        if self.modes == MAX_MODES || self.residues == Residues::Complex || upper <= 0.0 {
+            return None;
+        }
+        let at = self.at(self.modes);
+        let mut parameters = self.parameters;
+        let p = &mut cells(&mut parameters);
+        p[at] = ABOVE * ABOVE * upper;
+        p[at + 1] = ABOVE * self.unit;
+        p[at + 2] = FIRST_DAMPING;
+        p[1] = 0.0;
+        Some(Self {
+            modes: self.modes + 1,
+            parameters,
+            flank: true,
+            ..*self
+        })
+    }
+
+    /// `true` if a mode is the one above the lines.
+    fn is_flank(&self, mode: usize) -> bool {
+        self.flank && mode + 1 == self.modes
     }
 
     /// Index of the first unknown of a mode: residue, frequency, damping, and the quadrature
@@ -497,7 +558,12 @@ impl Fit {
         let p = &mut cells(&mut bounded);
         for r in 0..self.modes {
             let at = self.at(r);
-            p[at + 1] = p[at + 1].max(1e-3 * self.unit);
+            let least = if self.is_flank(r) {
+                self.above
+            } else {
+                1e-3 * self.unit
+            };
+            p[at + 1] = p[at + 1].max(least);
             p[at + 2] = p[at + 2].clamp(DAMPING.start, DAMPING.end);
         }
         bounded
@@ -511,29 +577,36 @@ impl Fit {
         let spacing = frequency(1) - first;
         (0..self.modes).any(|r| {
             let pole = self.pole(r);
-            let inside = pole.frequency > first && pole.frequency < last;
+            let outside = if self.is_flank(r) {
+                pole.frequency <= self.above
+            } else {
+                pole.frequency <= first || pole.frequency >= last
+            };
             let positive =
                 self.residues == Residues::Complex || seen(&self.parameters)[self.at(r)] > 0.0;
             let twin =
                 (0..r).any(|q| (self.pole(q).frequency - pole.frequency).abs() < 2.0 * spacing);
-            !(inside && positive && pole.damping < DAMPING.end) || twin
+            outside || !(positive && pole.damping < DAMPING.end) || twin
         })
     }
 
-    fn resonances(&self) -> heapless::Vec<Resonance, MAX_MODES> {
+    fn resonances(&self) -> Resonances {
         let p = seen(&self.parameters);
+        let over_constant = |x: f64| if p[0] > 0.0 { x / p[0] } else { 0.0 };
         let resonance = |r: usize| Resonance {
             pole: self.pole(r),
-            share: if p[0] > 0.0 {
-                p[self.at(r)] / p[0]
-            } else {
-                0.0
-            },
+            share: over_constant(p[self.at(r)]),
         };
-        let mut found: heapless::Vec<Resonance, MAX_MODES> =
-            (0..self.modes).map(resonance).collect();
+        let inside = self.modes - usize::from(self.flank);
+        let beyond = self.flank.then(|| resonance(inside));
+        let mut found: heapless::Vec<Resonance, MAX_MODES> = (0..inside).map(resonance).collect();
         found.sort_unstable_by(|a, b| a.pole.frequency.total_cmp(&b.pole.frequency));
-        found
+        let upper = if self.flank { p[1] } else { not_negative(p[1]) };
+        Resonances {
+            found,
+            beyond,
+            upper: over_constant(upper) / (self.unit * self.unit),
+        }
     }
 }
 
@@ -557,15 +630,14 @@ mod tests {
         residues: Residues,
         frequency: &dyn Fn(usize) -> f64,
     ) -> heapless::Vec<Pole, MAX_MODES> {
-        let found = resonances_at(modes, residues, frequency);
-        found.iter().map(|resonance| resonance.pole).collect()
+        resonances_at(modes, residues, frequency).poles()
     }
 
     fn resonances_at(
         modes: &[(f64, f64, f64)],
         residues: Residues,
         frequency: &dyn Fn(usize) -> f64,
-    ) -> heapless::Vec<Resonance, MAX_MODES> {
+    ) -> Resonances {
         let mut work = [Complex::new(0.0, 0.0); 2 * LINES];
         for (k, t) in work.iter_mut().enumerate().take(LINES) {
             *t = Complex::new(CONSTANT, 0.0);
@@ -585,7 +657,7 @@ mod tests {
     fn exact_lines_return_their_poles() {
         for (residues, sign) in [(Residues::Positive, 1.0), (Residues::Complex, -1.0)] {
             let modes = [(0.3, 32.5, 0.01), (sign * 0.1, 41.1, 0.02)];
-            let found = resonances_at(&modes, residues, &frequency);
+            let found = resonances_at(&modes, residues, &frequency).found;
             assert_eq!(found.len(), 2);
             for (Resonance { pole, share }, (e, f, z)) in found.iter().zip(modes) {
                 // The last accepted step gains less than 1e-9 of a cost that is zero at

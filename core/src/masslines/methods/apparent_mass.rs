@@ -25,7 +25,7 @@ use crate::masslines::lines::{Internals, indices, two_a_line};
 use crate::masslines::moved::Moved;
 use crate::masslines::regression::{FirstTerm, Regression, Solution};
 use crate::masslines::{Lines, MAX_RUNS, MasslineError, Masslines, Moments, Powers, Workspace};
-use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Resonance, Trace, find_resonances};
+use crate::modes::{MAX_MODES, Pole, PoleSearch, Residues, Resonances, Trace, find_resonances};
 use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 use residuals::Residuals;
@@ -133,7 +133,7 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     space.residuals.powers.keep(lines, &band);
     let mut energy = space.residuals.powers.weighted(lines, &band, &alike);
     let resonances = find_fixed_resonances(lines, &energy, fit, &mut space.search, work)?;
-    let poles: heapless::Vec<Pole, MAX_MODES> = resonances.iter().map(|r| r.pole).collect();
+    let poles = resonances.poles();
     let basis = Basis::new(lines, &poles, &band);
     let Workspace {
         regression,
@@ -162,12 +162,12 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     most(fit.regression, &basis, fit.solution).ok_or(MasslineError::Singular)?;
     fit.weigh_runs(given, shift, &band, &basis);
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
-    let basis = basis.with_pseudo_mode();
+    let basis = basis.with_pseudo_mode(&resonances);
     fit.add(lines, driven, &equations, &band, &basis, &energy)?;
     choose(
         fit.regression,
         &basis,
-        &shares(&resonances),
+        &basis.shares(&resonances),
         fit.candidate,
         fit.solution,
     )
@@ -207,7 +207,7 @@ pub(in crate::masslines) fn find_fixed_resonances<L: Lines + ?Sized>(
     fit: Range<usize>,
     search: &mut PoleSearch,
     work: &mut [Complex<f64>],
-) -> Result<heapless::Vec<Resonance, MAX_MODES>, MasslineError> {
+) -> Result<Resonances, MasslineError> {
     let trace = fixed_trace(lines, energy, fit, work)?;
     Ok(find_resonances(&trace, Residues::Positive, search))
 }
@@ -303,9 +303,10 @@ impl Basis {
     }
 
     /// The same with a pseudo-mode after the modes, if fewer were found than there is room for.
-    fn with_pseudo_mode(mut self) -> Self {
+    fn with_pseudo_mode(mut self, resonances: &Resonances) -> Self {
+        let beyond = resonances.beyond.map(|beyond| beyond.pole.frequency);
         let _ = self.poles.push(Pole {
-            frequency: PSEUDO_MODE * self.last,
+            frequency: beyond.unwrap_or(PSEUDO_MODE * self.last),
             damping: 0.0,
         });
         self
@@ -317,6 +318,17 @@ impl Basis {
 
     fn upper(&self) -> usize {
         1 + self.poles.len()
+    }
+
+    /// The share of each term in the rigid one that the resonances tell: modes beyond the lines are in that of ω².
+    fn shares(&self, resonances: &Resonances) -> [f64; MAX_TERMS] {
+        let mut shares = [0.0; MAX_TERMS];
+        let modes = resonances.found.iter().chain(&resonances.beyond);
+        for (slot, resonance) in shares[1..].iter_mut().zip(modes) {
+            *slot = resonance.share;
+        }
+        cells(&mut shares[..])[self.upper()] = resonances.upper / self.per_square;
+        shares
     }
 
     /// Values at each line, in single precision.
@@ -537,15 +549,6 @@ fn choose(
         consider(&without);
     }
     regression.complete(best)
-}
-
-/// The share of each term in the rigid one that the resonances tell.
-fn shares(resonances: &[Resonance]) -> [f64; MAX_TERMS] {
-    let mut shares = [0.0; MAX_TERMS];
-    for (slot, resonance) in shares[1..].iter_mut().zip(resonances) {
-        *slot = resonance.share;
-    }
-    shares
 }
 
 /// The rigid term, those of the first `modes` modes, and the ω² term.
