@@ -139,12 +139,19 @@ impl Regression {
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
     /// chosen terms cannot be told apart or too few equations are left.
     pub(super) fn solve(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
-        self.solve_for(chosen, true, into)
+        self.solve_for(chosen, None, into)
     }
 
-    /// As [`Self::solve`], but only what [`Self::risk`] asks for: the first term.
-    pub(super) fn solve_first_term(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
-        self.solve_for(chosen, false, into)
+    /// As [`Self::solve`], but only what [`Self::risk`] asks for: the first term. `None`, too, if its risk is not below
+    /// `least` even without bias, relative to `full`.
+    pub(super) fn solve_first_term(
+        &mut self,
+        chosen: &[usize],
+        full: &FirstTerm,
+        least: f64,
+        into: &mut Solution,
+    ) -> Option<()> {
+        self.solve_for(chosen, Some((full, least)), into)
     }
 
     /// Completes a solution of [`Self::solve_first_term`] that was compared with others.
@@ -153,13 +160,19 @@ impl Regression {
             return Some(());
         }
         let (terms, inflation) = (solution.terms.clone(), solution.inflation);
-        self.solve_for(&terms, true, solution)?;
+        self.solve_for(&terms, None, solution)?;
         solution.inflation = inflation;
         Some(())
     }
 
     #[inline(never)] // Once in the flash.
-    fn solve_for(&mut self, chosen: &[usize], all_terms: bool, into: &mut Solution) -> Option<()> {
+    fn solve_for(
+        &mut self,
+        chosen: &[usize],
+        compared: Option<(&FirstTerm, f64)>,
+        into: &mut Solution,
+    ) -> Option<()> {
+        let all_terms = compared.is_none();
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         let unknowns = rank * chosen.len();
@@ -187,14 +200,8 @@ impl Regression {
         // Cholesky's factor with the reciprocals of its diagonal. What the elimination of the others
         // leaves of the rigid block is the Schur complement.
         let nuisance = unknowns - rank;
-        let Solution {
-            coefficients,
-            schur,
-            residual,
-            ..
-        } = into;
-        schur.fill(0.0);
-        let schur = &mut cells(schur);
+        into.schur.fill(0.0);
+        let schur = &mut cells(&mut into.schur);
         for j in 0..unknowns {
             for i in j..unknowns {
                 let mut sum = gathered(i, j);
@@ -224,6 +231,19 @@ impl Regression {
                 }
             }
         }
+        if let Some((full, least)) = compared {
+            into.variances = variances(&into.schur, rank)?;
+            let shares = into.variances.iter().zip(&full.variances);
+            let variance: f64 = shares.take(rank).map(|(p, p_full)| p / p_full).sum();
+            if variance * rows as f64 >= least {
+                return None;
+            }
+        }
+        let Solution {
+            coefficients,
+            residual,
+            ..
+        } = into;
         // One right-hand side after the other. What each leaves of the power is taken off
         // before the back substitution overwrites its projections.
         coefficients.fill(0.0);
@@ -337,12 +357,9 @@ impl Regression {
     /// variances in `full`, a solution with more terms. Notes the share of bias in
     /// `solution`, whose pairs then carry it in their variances.
     ///
-    /// The bias counts with half a standard deviation more than is seen: lines that do not tell it
-    /// hide it. Without that, with 1 % noise 91 % of the 95 % intervals held where the band ends at a
-    /// fifth of the first mode.
-    ///
-    /// It is not less than that of the `known` terms either. Where they go in the coefficients is not known, so each
-    /// is given the same bias relative to its standard deviation: the mean one over the excited directions.
+    /// Few lines hide the bias, so it is taken to be no less than that of the `known` terms. Where these go in the
+    /// coefficients is not known: each coefficient is given the same bias relative to its standard deviation, which is
+    /// the mean one over the excited directions.
     pub(super) fn risk(
         &self,
         solution: &mut Solution,
@@ -350,16 +367,18 @@ impl Regression {
         known: &KnownTerms,
     ) -> f64 {
         let rank = self.excitation.rank();
-        let Some(p) = variances(&solution.schur, rank) else {
-            return f64::INFINITY;
-        };
-        solution.variances = p;
+        if solution.complete {
+            let Some(p) = variances(&solution.schur, rank) else {
+                return f64::INFINITY;
+            };
+            solution.variances = p;
+        }
+        let p = solution.variances;
         let (p, p_full) = (seen(&p[..]), seen(&full.variances[..]));
         let (residual, first) = (seen(&full.residual), seen(&full.coefficients));
         let coefficients = seen(&solution.coefficients);
         let rows = self.equations.count();
-        let (mut variance, mut distance, mut spread) = (0.0, 0.0, 0.0);
-        let mut size = 0.0;
+        let (mut variance, mut distance, mut size) = (0.0, 0.0, 0.0);
         for i in 0..rank {
             let share = p[i] / p_full[i];
             // Between nested fits the variance of a difference is the difference of
@@ -374,10 +393,9 @@ impl Regression {
             }
             variance += share * rows as f64;
             distance += squares / (p_full[i] * self.correlation) - saved * rows as f64;
-            spread += 2.0 * saved * saved * rows as f64;
             size += own / (p[i] * self.correlation);
         }
-        let told = not_negative(distance + 0.5 * libm::sqrt(spread)) / variance;
+        let told = not_negative(distance) / variance;
         let known = known.relative_bias(&solution.terms);
         solution.inflation = 1.0 + told.max(known * known * size / rank as f64);
         variance * solution.inflation
@@ -562,8 +580,9 @@ impl Solution {
     }
 }
 
-/// Square of a difference over its variance that is no chance: three standard deviations.
-const CHANCE: f64 = 9.0;
+/// Square of a difference over its variance that is no chance: four standard deviations. At three, one in eleven
+/// comparisons of 36 coefficients is chance, and the fit keeps terms that it could do without.
+const CHANCE: f64 = 16.0;
 /// Least difference of two variances, as a share of one of them, that is not the rounding of either.
 const ROUNDING: f64 = 1e-9;
 

@@ -42,7 +42,7 @@ const THREE: &[Option<Method>] = &[
 ];
 
 /// All cases, in the order of the table.
-pub(super) const CASES: [Case; 9] = [
+pub(super) const CASES: [Case; 10] = [
     Case {
         name: "fork",
         what: "the tuning fork, plane: three runs of 40 s with a drive channel, 512 samples a block at 256 Hz, all sensors alike",
@@ -90,6 +90,12 @@ pub(super) const CASES: [Case; 9] = [
         what: "the satellite, six runs of 40 s, the drive not recorded, an averaging band of seven lines, 5 to 8 Hz",
         methods: RECOMMENDED,
         draw: few_lines,
+    },
+    Case {
+        name: "unseen-modes",
+        what: "the satellite, six runs of 40 s, the drive not recorded, an averaging band of 15 to 20 Hz and a mode band of 21 to 30 Hz, below its first mode at 37.5 Hz",
+        methods: RECOMMENDED,
+        draw: unseen_modes,
     },
     Case {
         name: "twelve-blocks",
@@ -248,6 +254,13 @@ fn no_drive(_: &mut Chance) -> Drawn {
 fn few_lines(chance: &mut Chance) -> Drawn {
     let (mut model, conditions) = no_drive(chance)?;
     model.measurement.averaging_band = [5.0, 8.0];
+    Ok((model, conditions))
+}
+
+fn unseen_modes(chance: &mut Chance) -> Drawn {
+    let (mut model, conditions) = no_drive(chance)?;
+    model.measurement.averaging_band = [15.0, 20.0];
+    model.measurement.mode_band = Some([21.0, 30.0]);
     Ok((model, conditions))
 }
 
