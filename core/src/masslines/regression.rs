@@ -50,6 +50,15 @@ pub(super) struct FirstTerm {
     residual: Vector6<f64>,
 }
 
+/// The part of a solution that is asked for.
+#[derive(Clone, Copy)]
+enum Wanted<'f> {
+    All,
+    FirstTermAndResidual,
+    /// The first term, if its risk relative to that of another solution can be below so much.
+    FirstTerm(&'f FirstTerm, f64),
+}
+
 /// Terms of which the share in the first one is known, if not where it goes in the coefficients.
 pub(super) struct KnownTerms {
     /// Mean share of each term, zero where it is not known.
@@ -139,7 +148,16 @@ impl Regression {
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
     /// chosen terms cannot be told apart or too few equations are left.
     pub(super) fn solve(&mut self, chosen: &[usize], into: &mut Solution) -> Option<()> {
-        self.solve_for(chosen, None, into)
+        self.solve_for(chosen, Wanted::All, into)
+    }
+
+    /// As [`Self::solve`], but only what [`Self::first_term`] asks for: the first term and the residual.
+    pub(super) fn solve_first_term_and_residual(
+        &mut self,
+        chosen: &[usize],
+        into: &mut Solution,
+    ) -> Option<()> {
+        self.solve_for(chosen, Wanted::FirstTermAndResidual, into)
     }
 
     /// As [`Self::solve`], but only what [`Self::risk`] asks for: the first term. `None`, too, if its risk is not below
@@ -151,7 +169,7 @@ impl Regression {
         least: f64,
         into: &mut Solution,
     ) -> Option<()> {
-        self.solve_for(chosen, Some((full, least)), into)
+        self.solve_for(chosen, Wanted::FirstTerm(full, least), into)
     }
 
     /// Completes a solution of [`Self::solve_first_term`] that was compared with others.
@@ -160,7 +178,7 @@ impl Regression {
             return Some(());
         }
         let (terms, inflation) = (solution.terms.clone(), solution.inflation);
-        self.solve_for(&terms, None, solution)?;
+        self.solve_for(&terms, Wanted::All, solution)?;
         solution.inflation = inflation;
         Some(())
     }
@@ -169,10 +187,10 @@ impl Regression {
     fn solve_for(
         &mut self,
         chosen: &[usize],
-        compared: Option<(&FirstTerm, f64)>,
+        wanted: Wanted<'_>,
         into: &mut Solution,
     ) -> Option<()> {
-        let all_terms = compared.is_none();
+        let all_terms = matches!(wanted, Wanted::All);
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         let unknowns = rank * chosen.len();
@@ -231,8 +249,10 @@ impl Regression {
                 }
             }
         }
-        if let Some((full, least)) = compared {
+        if !all_terms {
             into.variances = variances(&into.schur, rank)?;
+        }
+        if let Wanted::FirstTerm(full, least) = wanted {
             let shares = into.variances.iter().zip(&full.variances);
             let variance: f64 = shares.take(rank).map(|(p, p_full)| p / p_full).sum();
             if variance * rows as f64 >= least {
@@ -261,7 +281,7 @@ impl Regression {
         }
         let filled = seen(&*coefficients);
         let first = if all_terms { 0 } else { nuisance };
-        if all_terms {
+        if !matches!(wanted, Wanted::FirstTerm(..)) {
             *residual = self.sums.power;
             let left = &mut cells(residual);
             for c in 0..rows {
@@ -343,14 +363,14 @@ impl Regression {
         }
     }
 
-    /// The part of a solution with which [`Self::risk`] compares others.
-    pub(super) fn first_term(&self, solution: &Solution) -> Option<FirstTerm> {
-        Some(FirstTerm {
+    /// The part of a solution of [`Self::solve_first_term_and_residual`] with which [`Self::risk`] compares others.
+    pub(super) fn first_term(solution: &Solution) -> FirstTerm {
+        FirstTerm {
             terms: solution.terms.clone(),
             coefficients: solution.coefficients.fixed_rows::<6>(0).into(),
-            variances: variances(&solution.schur, self.excitation.rank())?,
+            variances: solution.variances,
             residual: solution.residual.diagonal(),
-        })
+        }
     }
 
     /// Expected squared error of the first term's coefficients, summed relative to their
@@ -367,15 +387,9 @@ impl Regression {
         known: &KnownTerms,
     ) -> f64 {
         let rank = self.excitation.rank();
-        if solution.complete {
-            let Some(p) = variances(&solution.schur, rank) else {
-                return f64::INFINITY;
-            };
-            solution.variances = p;
-        }
-        let p = solution.variances;
-        let (p, p_full) = (seen(&p[..]), seen(&full.variances[..]));
-        let (residual, first) = (seen(&full.residual), seen(&full.coefficients));
+        let (p, p_full) = (seen(&solution.variances[..]), seen(&full.variances[..]));
+        let inverse_residual = full.residual.map(|c| 1.0 / c);
+        let (weights, first) = (seen(&inverse_residual), seen(&full.coefficients));
         let coefficients = seen(&solution.coefficients);
         let rows = self.equations.count();
         let (mut variance, mut distance, mut size) = (0.0, 0.0, 0.0);
@@ -388,8 +402,8 @@ impl Regression {
             for j in 0..rows {
                 let coefficient = coefficients[(i, j)];
                 let difference = coefficient - first[(i, j)];
-                squares += difference * difference / residual[j];
-                own += coefficient * coefficient / residual[j];
+                squares += difference * difference * weights[j];
+                own += coefficient * coefficient * weights[j];
             }
             variance += share * rows as f64;
             distance += squares / (p_full[i] * self.correlation) - saved * rows as f64;
@@ -605,6 +619,12 @@ impl KnownTerms {
     fn relative_bias(&self, chosen: &[usize]) -> f64 {
         let (products, shares) = (seen(&self.products), seen(&self.shares[..]));
         let product = |t: usize, u: usize| products[(t.max(u), t.min(u))];
+        let left_out: heapless::Vec<usize, MAX_TERMS> = (0..MAX_TERMS)
+            .filter(|u| !chosen.contains(u) && shares[*u] != 0.0)
+            .collect();
+        if left_out.is_empty() {
+            return 0.0;
+        }
         let mut normal = Triangle::<{ triangle_len(MAX_TERMS) }>::ZERO;
         let mut solution = [0.0; MAX_TERMS];
         let (entries, right) = (&mut cells(&mut normal), &mut cells(&mut solution[..]));
@@ -612,8 +632,8 @@ impl KnownTerms {
             for (j, u) in chosen.iter().enumerate().take(i + 1) {
                 entries[(i, j)] = product(*t, *u);
             }
-            let left_out = (0..MAX_TERMS).filter(|u| !chosen.contains(u));
-            right[i] = left_out.map(|u| shares[u] * product(*t, u)).sum();
+            let biasing = left_out.iter();
+            right[i] = biasing.map(|u| shares[*u] * product(*t, *u)).sum();
         }
         let solved = solve_positive(&mut normal, &mut solution, chosen.len());
         solved.map_or(0.0, |()| solution[0])

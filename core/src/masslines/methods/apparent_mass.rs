@@ -160,7 +160,8 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     // Runs differ in level, and so does the noise of sensors whose noise follows it. How they do is
     // seen without the pseudo-mode.
     fit.add(lines, driven, &equations, &band, &basis, &energy)?;
-    most(fit.regression, &basis, fit.solution).ok_or(MasslineError::Singular)?;
+    let mut solve = |chosen: &[usize]| fit.regression.solve(chosen, fit.solution);
+    most(&basis, &mut solve).ok_or(MasslineError::Singular)?;
     fit.weigh_runs(given, shift, &band, &basis);
     energy = fit.residuals.powers.weighted(lines, &band, &fit.weights);
     let basis = basis.with_pseudo_mode(&resonances);
@@ -488,13 +489,13 @@ impl<'l> Fit<'_, 'l> {
     }
 }
 
-/// Solves with as many terms as can be told apart, and returns how many of them are modes.
+/// Solves with as many terms as can be told apart, by `solve`, and returns how many of them are modes.
 #[inline(never)] // Once in the flash.
-fn most(regression: &mut Regression, basis: &Basis, into: &mut Solution) -> Option<usize> {
+fn most(basis: &Basis, solve: &mut dyn FnMut(&[usize]) -> Option<()>) -> Option<usize> {
     let mut fewer = (0..=basis.poles.len()).rev();
-    let modes = fewer.find(|m| regression.solve(&terms(*m, basis), into).is_some());
+    let modes = fewer.find(|m| solve(&terms(*m, basis)).is_some());
     // Three lines of one run carry no more than a plain average.
-    modes.or_else(|| regression.solve(&[0], into).map(|()| 0))
+    modes.or_else(|| solve(&[0]).map(|()| 0))
 }
 
 /// Chooses how many modes get a term of their own, the pseudo-mode after the others, and whether those
@@ -524,8 +525,9 @@ fn choose(
     candidate: &mut Solution,
     best: &mut Solution,
 ) -> Option<()> {
-    let most = most(regression, basis, best)?;
-    let full = regression.first_term(best)?;
+    let mut solve = |chosen: &[usize]| regression.solve_first_term_and_residual(chosen, best);
+    let most = most(basis, &mut solve)?;
+    let full = Regression::first_term(best);
     let known = regression.known_terms(shares);
     let mut larger = full.clone();
     let mut least = regression.risk(best, &full, &known);
