@@ -8,6 +8,8 @@
 mod poles;
 mod trace;
 
+#[cfg(test)]
+pub(crate) use poles::Resonance;
 pub(crate) use poles::{PoleSearch, Residues, Resonances, find_poles, find_resonances};
 pub(crate) use trace::Trace;
 

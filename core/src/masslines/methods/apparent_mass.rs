@@ -563,3 +563,6 @@ fn terms(modes: usize, basis: &Basis) -> heapless::Vec<usize, MAX_TERMS> {
     // `MAX_TERMS` holds every mode and two more.
     (0..=modes).chain([basis.upper()]).collect()
 }
+
+#[cfg(test)]
+mod tests;
