@@ -21,17 +21,11 @@ impl<'a> BlockSpectra<'a> {
             .unwrap_or(&[])
     }
 
-    /// Real and imaginary parts of the kept line `k` of the first channels.
-    #[inline]
-    pub(super) fn line(&self, k: usize, re: &mut [f32], im: &mut [f32]) {
-        let mut at = k;
-        for (re, im) in re.iter_mut().zip(im) {
-            let Some(line) = self.lines.get(at) else {
-                break;
-            };
-            (*re, *im) = (line.re, line.im);
-            at += self.count;
-        }
+    /// The kept line `k` of all channels, one after the other.
+    #[inline(always)]
+    pub(super) fn line(&self, k: usize) -> impl Iterator<Item = &'a Complex32> {
+        let from = self.lines.get(k..).unwrap_or_default();
+        from.chunks(self.count.max(1)).filter_map(<[_]>::first)
     }
 }
 

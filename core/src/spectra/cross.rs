@@ -136,9 +136,14 @@ impl Average for CrossAverage<'_> {
         // A channel that the block lacks is zero at all lines.
         let mut x = [[0.0; RESULTANTS]; 2];
         for (k, line) in self.sums.iter_mut().enumerate() {
+            let (auto, cross) = line.carry.split_at_mut(RESULTANTS);
             let [re, im] = &mut x;
-            block.line(k, re, im);
-            add_line(&x, &mut line.carry);
+            let channels = re.iter_mut().zip(im).zip(auto);
+            for (((re, im), carry), z) in channels.zip(block.line(k)) {
+                (*re, *im) = (z.re, z.im);
+                *carry = less(*carry, [z.re, z.re], [z.im, z.im]);
+            }
+            add_pairs(&x, cross);
         }
         self.blocks = self.blocks.saturating_add(1);
     }
@@ -148,15 +153,10 @@ impl Average for CrossAverage<'_> {
     }
 }
 
-/// Adds the products of one line: real parts of the channels, and imaginary ones.
-fn add_line(x: &[[f32; RESULTANTS]; 2], carry: &mut [f32; SUMS]) {
-    let (auto, cross) = carry.split_at_mut(RESULTANTS);
-    let [re, im] = x;
-    for ((carry, re), im) in auto.iter_mut().zip(re).zip(im) {
-        *carry = less(*carry, [*re, *re], [*im, *im]);
-    }
+/// Adds the products of all pairs at one line: of the real parts of the channels, and the imaginary ones.
+fn add_pairs(x: &[[f32; RESULTANTS]; 2], carries: &mut [f32]) {
     // Written out, so that lengths are known to the compiler.
-    let mut rest = cross;
+    let mut rest = carries;
     rest = add_two_rows::<10>(x, rest);
     rest = add_two_rows::<8>(x, rest);
     rest = add_two_rows::<6>(x, rest);

@@ -9,8 +9,8 @@
 //! stages at once. The channels lie side by side by fours or eights, so that a group of them is stored at once.
 
 use super::half_band::{
-    NARROW_EARLY, NARROW_LAST, WIDE_EARLY, WIDE_LAST, narrow_early, narrow_last, state_len,
-    wide_early, wide_last,
+    NARROW_EARLY, NARROW_LAST, WIDE_EARLY, WIDE_LAST, narrow_early, narrow_last_two, narrow_only,
+    state_len, wide_early, wide_last_two, wide_only,
 };
 use super::lane::{Lane, Row};
 
@@ -135,22 +135,24 @@ impl Decimator {
     /// `sample` lacks reads zero. `true` once the filters can run.
     #[inline]
     pub(super) fn push<R: Row>(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
-        if sample.len() < self.channels {
-            self.clear::<R>(storage);
+        let at = self.collected;
+        if sample.len() == self.channels {
+            R::store(R::rows_mut(storage).as_chunks_mut::<COLLECTED>().0, at, sample);
+        } else {
+            self.store_other::<R>(storage, sample);
         }
-        R::store(self.queues(storage), self.collected, sample);
-        self.collected += 1;
+        self.collected = at + 1;
         self.collected == self.wanted
     }
 
-    /// Lets the sample that comes next read zero in all channels.
+    /// Stores a sample that lacks channels, or has too many.
     #[cold]
-    fn clear<R: Row>(&self, storage: &mut [f32]) {
-        for queue in self.queues::<R>(storage) {
-            if let Some(row) = queue.get_mut(self.collected) {
-                *row = R::ZERO;
-            }
+    fn store_other<R: Row>(&self, storage: &mut [f32], sample: &[f32]) {
+        let queues = self.queues::<R>(storage);
+        for row in queues.iter_mut().filter_map(|queue| queue.get_mut(self.collected)) {
+            *row = R::ZERO;
         }
+        R::store(queues, self.collected, sample.get(..self.channels).unwrap_or(sample));
     }
 
     /// Filters the samples that were collected, of every channel. The outputs of each, too large by two a
@@ -223,7 +225,7 @@ impl Decimator {
         let [early, _] = self.filters.states();
         let lanes = rings.len() / n.max(1);
         let (mut states, mut inputs, mut room) = (states, samples, room);
-        for _ in 1..stages {
+        for _ in 2..stages {
             let (own, later) = states.split_at_mut_checked(early).unwrap_or_default();
             let (outputs, rest) = room
                 .split_at_mut_checked(inputs.len() / 2)
@@ -236,18 +238,19 @@ impl Decimator {
             (states, inputs, room) = (later, outputs, rest);
         }
         // Up to the end of the rings, then from their beginning on.
-        let until_end = n.saturating_sub(head) << stages.min(1);
+        let until_end = n.saturating_sub(head) << stages.min(2);
         let (now, then) = inputs.split_at(inputs.len().min(until_end));
         for (inputs, at) in [(now, head), (then, 0)] {
             if inputs.is_empty() {
                 break;
             }
-            if stages == 0 {
-                unfiltered(inputs, rings, (n, at));
-            } else if wide {
-                wide_last(states, inputs, rings, (n, at));
-            } else {
-                narrow_last(states, inputs, rings, (n, at));
+            let place = (n, at);
+            match (stages, wide) {
+                (0, _) => unfiltered(inputs, rings, place),
+                (1, false) => narrow_only(states, inputs, rings, place),
+                (1, true) => wide_only(states, inputs, rings, place),
+                (_, false) => narrow_last_two(states, inputs, rings, place),
+                (_, true) => wide_last_two(states, inputs, rings, place),
             }
         }
     }

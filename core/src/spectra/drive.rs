@@ -159,12 +159,35 @@ impl DriveAverage<'_> {
         let at = 1 + 3 * c;
         let products = drive.iter().zip(response);
         for (sums, (r, x)) in self.sums.chunks_exact_mut(n.max(1)).zip(products) {
-            if let Some([re, im, xx]) = sums.get_mut(at..at + 3) {
-                re.add([x.re, r.re], [x.im, r.im]);
-                im.add([x.im, r.re], [-x.re, r.im]);
-                xx.add([x.re, x.re], [x.im, x.im]);
+            if let Some(sums) = sums.get_mut(at..at + 3) {
+                add_products(sums, r, x);
             }
         }
+    }
+
+    /// Adds response `c` and the next one, which share what is loaded.
+    fn add_two_responses(&mut self, c: usize, drive: &[Complex32], responses: [&[Complex32]; 2]) {
+        let n = sums_per_line(self.channels);
+        let at = 1 + 3 * c;
+        let [x, y] = responses;
+        let products = drive.iter().zip(x.iter().zip(y));
+        for (sums, (r, (x, y))) in self.sums.chunks_exact_mut(n.max(1)).zip(products) {
+            if let Some(sums) = sums.get_mut(at..at + 6) {
+                let (sums_of_x, sums_of_y) = sums.split_at_mut(3);
+                add_products(sums_of_x, r, x);
+                add_products(sums_of_y, r, y);
+            }
+        }
+    }
+}
+
+/// Adds the products of a response with the drive and with itself to its three sums.
+#[inline(always)]
+fn add_products(sums: &mut [Sum], r: &Complex32, x: &Complex32) {
+    if let [re, im, xx] = sums {
+        re.add([x.re, r.re], [x.im, r.im]);
+        im.add([x.im, r.re], [-x.re, r.im]);
+        xx.add([x.re, x.re], [x.im, x.im]);
     }
 }
 
@@ -172,8 +195,17 @@ impl Average for DriveAverage<'_> {
     fn add(&mut self, block: &BlockSpectra<'_>) {
         let drive = block.channel(0);
         self.add_drive(drive);
-        for c in 0..self.channels {
-            self.add_response(c, drive, block.channel(1 + c));
+        let mut c = 0;
+        while c < self.channels {
+            let [x, y] = [1, 2].map(|n| block.channel(c + n));
+            // Of two that are not both there, the first is.
+            if c + 1 < self.channels && x.len() == y.len() {
+                self.add_two_responses(c, drive, [x, y]);
+                c += 2;
+            } else {
+                self.add_response(c, drive, x);
+                c += 1;
+            }
         }
     }
 

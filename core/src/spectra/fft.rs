@@ -378,30 +378,67 @@ fn twiddled<L: Lane>([a, b, c, d]: [Complex<L>; 4], w: &[Complex32; 3]) -> [Comp
 /// the last one among them, each twice as large.
 #[inline(always)]
 pub(super) fn lines<L: Lane>(z: &[Complex<L>], first: usize) -> impl Iterator<Item = Complex<L>> {
+    L::each(
+        pairs(z, first),
+        #[inline(always)]
+        |(([up], down), [w])| match down {
+            [down, ..] => line(*up, *down, *w),
+            _ => Complex::default(),
+        },
+    )
+}
+
+/// The same two at a time, as long as there are as many.
+#[inline(always)]
+pub(super) fn lines_by_twos<L: Lane>(
+    z: &[Complex<L>],
+    first: usize,
+) -> impl Iterator<Item = [Complex<L>; 2]> {
+    L::each(
+        pairs(z, first),
+        #[inline(always)]
+        |(([a, b], down), [v, w])| match down {
+            [d, c, ..] => [line(*a, *c, *v), line(*b, *d, *w)],
+            _ => Default::default(),
+        },
+    )
+}
+
+/// The pairs of which lines `first` and up are made, in batches: the pairs k, the pairs N/2 - k in
+/// rising order, and the factors.
+#[inline(always)]
+fn pairs<L: Lane, const BATCH: usize>(
+    z: &[Complex<L>],
+    first: usize,
+) -> impl Iterator<
+    Item = (
+        (&[Complex<L>; BATCH], &[Complex<L>]),
+        &[Complex32; BATCH],
+    ),
+> {
     let n = 2 * z.len();
     // There are MAX_BLOCK_LENGTH / 2 + MAX_BLOCK_LENGTH / 4 + … before.
     let begin = MAX_BLOCK_LENGTH.saturating_sub(n);
-    let factors = HALF_CIRCLES.get(begin + first..begin + n / 2);
-    // The line k is made of the ones k and N/2 - k. Chunks rather than a reversal, whose end would be
-    // computed anew for each.
-    let up = z.get(first..).unwrap_or_default().iter();
+    let factors = HALF_CIRCLES
+        .get(begin + first..begin + n / 2)
+        .unwrap_or_default();
+    let up = z.get(first..).unwrap_or_default();
+    // Chunks rather than a reversal, whose end would be computed anew for each.
     let down = z
         .get(..(z.len() + 1).saturating_sub(first))
-        .unwrap_or_default();
-    let pairs = up.zip(down.rchunks_exact(1));
-    L::each(
-        pairs.zip(factors.unwrap_or_default()),
-        #[inline(always)]
-        |((z, y), w)| {
-            let [y, ..] = y else {
-                return Complex::default();
-            };
-            // Twice the transforms of the even samples and of the odd ones.
-            let even = Complex::new(z.re.plus(y.re), z.im.minus(y.im));
-            let odd = Complex::new(z.im.plus(y.im), y.re.minus(z.re));
-            plus(even, times(odd, *w))
-        },
-    )
+        .unwrap_or_default()
+        .rchunks_exact(BATCH.max(1));
+    up.as_chunks().0.iter().zip(down).zip(factors.as_chunks().0)
+}
+
+/// The line k of the pairs `up`, k, and `down`, N/2 - k: the transforms of the even samples and of the odd
+/// ones, of which those are turned.
+#[inline(always)]
+fn line<L: Lane>(up: Complex<L>, down: Complex<L>, w: Complex32) -> Complex<L> {
+    // Twice those transforms.
+    let even = Complex::new(up.re.plus(down.re), up.im.minus(down.im));
+    let odd = Complex::new(up.im.plus(down.im), down.re.minus(up.re));
+    plus(even, times(odd, w))
 }
 
 #[cfg(test)]

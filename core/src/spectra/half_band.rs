@@ -72,41 +72,37 @@ macro_rules! branch {
     }};
 }
 
-/// Filters the samples of a lane of some rows: half as many outputs, twice as large, each of which `$store`
-/// puts into its slot. The branches are those of second and of first samples. All is written out, since the
-/// chip's code is made small rather than fast.
-macro_rules! filter {
-    (
-        $h:ident, $kept:ident, $inputs:ident, $l:ident, $slots:expr, |$y:ident, $slot:ident| $store:expr,
-        [$($second:tt)*], [$($first:tt)*]
-    ) => {{
-        let mut s = *$kept;
-        macro_rules! output {
-            ($first_sample:expr, $second_sample:expr, $place:expr) => {{
-                let ($slot, second) = (&mut $place, L::of_row(&$second_sample, $l));
-                let second = branch!(second, $h, s, $($second)*);
-                let $y = second.plus(branch!(L::of_row(&$first_sample, $l), $h, s, $($first)*));
-                $store;
-            }};
-        }
-        let (eights, inputs) = $inputs.as_chunks::<8>();
-        let (fours, slots) = $slots.as_chunks_mut::<4>();
-        for (x, y) in eights.iter().zip(fours) {
-            output!(x[0], x[1], y[0]);
-            output!(x[2], x[3], y[1]);
-            output!(x[4], x[5], y[2]);
-            output!(x[6], x[7], y[3]);
-        }
-        for (x, y) in inputs.as_chunks::<2>().0.iter().zip(slots) {
-            output!(x[0], x[1], *y);
-        }
-        *$kept = s;
+/// An output of a filter, twice as large: its first and its second sample, its coefficients, what it
+/// remembers, and the branches of second and of first samples.
+macro_rules! output {
+    ($first:expr, $second:expr, $h:ident, $s:ident, [$($seconds:tt)*], [$($firsts:tt)*]) => {{
+        let second = branch!($second, $h, $s, $($seconds)*);
+        second.plus(branch!($first, $h, $s, $($firsts)*))
     }};
 }
 
-/// The filter of a stage before the last one, for the first `lanes` lanes of a group.
+/// Calls `$output` for each output: with the `$per` rows that it takes, and with its slot. All is written
+/// out, since the chip's code is made small rather than fast.
+macro_rules! each_output {
+    ($inputs:expr, $per:literal, $four_take:literal, $slots:expr, $output:ident) => {{
+        let (fours, inputs) = $inputs.as_chunks::<$four_take>();
+        let (slots_of_fours, slots) = $slots.as_chunks_mut::<4>();
+        for (x, y) in fours.iter().zip(slots_of_fours) {
+            let (rows, _) = x.as_chunks::<$per>();
+            $output!(rows[0], y[0]);
+            $output!(rows[1], y[1]);
+            $output!(rows[2], y[2]);
+            $output!(rows[3], y[3]);
+        }
+        for (rows, y) in inputs.as_chunks::<$per>().0.iter().zip(slots) {
+            $output!(rows, *y);
+        }
+    }};
+}
+
+/// The filter of a stage before the last two, for the first `lanes` lanes of a group.
 macro_rules! early {
-    ($name:ident, $h:ident, $($branches:tt)*) => {
+    ($name:ident, $h:ident, $seconds:tt, $firsts:tt) => {
         #[cfg_attr(target_os = "none", inline(never))] // All registers are its own.
         #[cfg_attr(not(target_os = "none"), inline(always))]
         pub(super) fn $name<L: Lane>(
@@ -119,17 +115,25 @@ macro_rules! early {
             let (states, _) = states.as_chunks_mut::<{ state_len($h.len()) }>();
             let mut l = 0;
             for kept in states.iter_mut().take(lanes) {
-                filter!($h, kept, inputs, l, outputs, |y, row| y.into_row(row, l), $($branches)*);
+                let mut s = *kept;
+                macro_rules! store {
+                    ($x:expr, $slot:expr) => {{
+                        let (first, second) = (L::of_row(&$x[0], l), L::of_row(&$x[1], l));
+                        output!(first, second, $h, s, $seconds, $firsts).into_row(&mut $slot, l);
+                    }};
+                }
+                each_output!(inputs, 2, 8, outputs, store);
+                *kept = s;
                 l += L::WIDTH;
             }
         }
     };
 }
 
-/// The filter of the last stage, for as many lanes of a group as there are rings of `n`, whose places from
+/// The filter of the only stage, for as many lanes of a group as there are rings of `n`, whose places from
 /// `at` on take the outputs.
-macro_rules! last {
-    ($name:ident, $h:ident, $($branches:tt)*) => {
+macro_rules! only {
+    ($name:ident, $h:ident, $seconds:tt, $firsts:tt) => {
         #[cfg_attr(target_os = "none", inline(never))] // As above.
         #[cfg_attr(not(target_os = "none"), inline(always))]
         pub(super) fn $name<L: Lane>(
@@ -143,7 +147,55 @@ macro_rules! last {
             let mut l = 0;
             for (kept, ring) in states.iter_mut().zip(rings.chunks_exact_mut(n.max(1))) {
                 let slots = ring.get_mut(at..at + inputs.len() / 2).unwrap_or_default();
-                filter!($h, kept, inputs, l, slots, |y, slot| *slot = y, $($branches)*);
+                let mut s = *kept;
+                macro_rules! store {
+                    ($x:expr, $slot:expr) => {{
+                        let (first, second) = (L::of_row(&$x[0], l), L::of_row(&$x[1], l));
+                        $slot = output!(first, second, $h, s, $seconds, $firsts);
+                    }};
+                }
+                each_output!(inputs, 2, 8, slots, store);
+                *kept = s;
+                l += L::WIDTH;
+            }
+        }
+    };
+}
+
+/// The filters of the last two stages at once, whose states lie one behind the other: outputs of the first
+/// one are not stored. Lanes and rings are as above.
+macro_rules! last_two {
+    ($name:ident, $e:ident, $es:tt, $ef:tt, $h:ident, $seconds:tt, $firsts:tt) => {
+        #[cfg_attr(target_os = "none", inline(never))] // As above.
+        #[cfg_attr(not(target_os = "none"), inline(always))]
+        pub(super) fn $name<L: Lane>(
+            states: &mut [L::Row],
+            inputs: &[L::Row],
+            rings: &mut [L],
+            (n, at): (usize, usize),
+        ) {
+            let early = state_len($e.len()).min(states.len());
+            let (early, states) = states.split_at_mut(early);
+            let early = L::samples_mut(L::Row::numbers_mut(early));
+            let (early, _) = early.as_chunks_mut::<{ state_len($e.len()) }>();
+            let states = L::samples_mut(L::Row::numbers_mut(states));
+            let (states, _) = states.as_chunks_mut::<{ state_len($h.len()) }>();
+            let kept = early.iter_mut().zip(states);
+            let mut l = 0;
+            for ((kept_early, kept), ring) in kept.zip(rings.chunks_exact_mut(n.max(1))) {
+                let slots = ring.get_mut(at..at + inputs.len() / 4).unwrap_or_default();
+                let (mut e, mut s) = (*kept_early, *kept);
+                macro_rules! store {
+                    ($x:expr, $slot:expr) => {{
+                        let (first, second) = (L::of_row(&$x[0], l), L::of_row(&$x[1], l));
+                        let a = output!(first, second, $e, e, $es, $ef);
+                        let (first, second) = (L::of_row(&$x[2], l), L::of_row(&$x[3], l));
+                        let b = output!(first, second, $e, e, $es, $ef);
+                        $slot = output!(a, b, $h, s, $seconds, $firsts);
+                    }};
+                }
+                each_output!(inputs, 4, 16, slots, store);
+                (*kept_early, *kept) = (e, s);
                 l += L::WIDTH;
             }
         }
@@ -152,8 +204,13 @@ macro_rules! last {
 
 early!(narrow_early, NARROW_EARLY, [0, 0 1], [2, 1 3]);
 early!(wide_early, WIDE_EARLY, [0, 0 1, 2 2], [3, 1 4]);
-last!(narrow_last, NARROW_LAST, [0, 0 1, 2 2], [3, 1 4, 3 5]);
-last!(wide_last, WIDE_LAST, [0, 0 1, 2 2, 4 3], [4, 1 5, 3 6, 5 7]);
+only!(narrow_only, NARROW_LAST, [0, 0 1, 2 2], [3, 1 4, 3 5]);
+only!(wide_only, WIDE_LAST, [0, 0 1, 2 2, 4 3], [4, 1 5, 3 6, 5 7]);
+last_two!(narrow_last_two, NARROW_EARLY, [0, 0 1], [2, 1 3], NARROW_LAST, [0, 0 1, 2 2], [3, 1 4, 3 5]);
+last_two!(
+    wide_last_two, WIDE_EARLY, [0, 0 1, 2 2], [3, 1 4],
+    WIDE_LAST, [0, 0 1, 2 2, 4 3], [4, 1 5, 3 6, 5 7]
+);
 
 #[cfg(test)]
 mod tests {

@@ -1,7 +1,7 @@
 //! The last block's worth of samples of every channel, and their transforms.
 
 use super::decimate::Decimator;
-use super::fft::{lines, transform_pairs};
+use super::fft::{lines, lines_by_twos, transform_pairs};
 use super::lane::{Complex, Lane, Row, plus, scaled};
 use super::settings::{BlockSettings, enough};
 use super::wide::{plainly, widely};
@@ -242,12 +242,13 @@ impl BlockSettings {
         match *coefficients {
             [c0] => {
                 let own = c0 * gain;
-                let windowed = L::each(
-                    lines(z, grid.first),
+                keep_lines(
+                    z,
+                    grid.first,
+                    (kept, count),
                     #[inline(always)]
                     |line| scaled(line, own),
                 );
-                L::keep(windowed, kept, count);
             }
             [c0, c1] => {
                 let (own, beside) = (c0 * gain, -0.5 * c1 * gain);
@@ -260,8 +261,10 @@ impl BlockSettings {
                 } else {
                     before = Complex::new(line.re.times(c1 / c0), L::default());
                 }
-                let windowed = L::each(
-                    from,
+                keep_lines(
+                    z,
+                    grid.first + 1,
+                    (kept, count),
                     #[inline(always)]
                     move |next| {
                         let both = scaled(plus(before, next), beside);
@@ -270,7 +273,6 @@ impl BlockSettings {
                         sum
                     },
                 );
-                L::keep(windowed, kept, count);
             }
             _ => {
                 let at = |k: usize| lines(z, k).next().unwrap_or_default();
@@ -300,12 +302,35 @@ impl BlockSettings {
                         sum = plus(sum, part);
                         sign = -sign;
                     }
-                    sum
+                    [sum]
                 });
-                L::keep(windowed, kept, count);
+                L::keep(windowed, kept, count, 0);
             }
         }
     }
+}
+
+/// Keeps `windowed` of `count` lines from `first` on: by fours, written out, then one by one.
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn keep_lines<L: Lane>(
+    z: &[Complex<L>],
+    first: usize,
+    (kept, count): (&mut [Complex32], usize),
+    mut windowed: impl FnMut(Complex<L>) -> Complex<L>,
+) {
+    let by_twos = count - count % 2;
+    let twos = L::each(
+        lines_by_twos(z, first),
+        #[inline(always)]
+        |[a, b]| [windowed(a), windowed(b)],
+    );
+    L::keep(twos, kept, count, 0);
+    let rest = L::each(
+        lines(z, first + by_twos),
+        #[inline(always)]
+        |line| [windowed(line)],
+    );
+    L::keep(rest, kept, count, by_twos);
 }
 
 #[cfg(test)]

@@ -46,15 +46,16 @@ macro_rules! row {
             #[inline(always)]
             fn store<const N: usize>(queues: &mut [[Self; N]], at: usize, sample: &[f32]) {
                 let (groups, rest) = sample.as_chunks::<$n>();
-                let mut queues = queues.iter_mut();
-                for (x, queue) in groups.iter().zip(&mut queues) {
+                for (queue, x) in queues.iter_mut().zip(groups) {
                     // Never beyond the queue, which needs no check then.
                     if let Some(row) = queue.get_mut(at % N) {
                         *row = *x;
                     }
                 }
                 if !rest.is_empty()
-                    && let Some($row) = queues.next().and_then(|queue| queue.get_mut(at % N))
+                    && let Some($row) = queues
+                        .get_mut(groups.len())
+                        .and_then(|queue| queue.get_mut(at % N))
                 {
                     let $rest = rest;
                     $store_rest
@@ -155,8 +156,14 @@ pub trait Lane: Copy + Default {
     /// Puts them into a row from channel `first` on.
     fn into_row(self, row: &mut Self::Row, first: usize);
 
-    /// Keeps the first `count` lines channel by channel, if there is room for those of all channels.
-    fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize);
+    /// Keeps lines `from` to `count` channel by channel, if there is room for those of all channels: whole
+    /// batches of them.
+    fn keep<const BATCH: usize>(
+        batches: impl Iterator<Item = [Complex<Self>; BATCH]>,
+        kept: &mut [Complex32],
+        count: usize,
+        from: usize,
+    );
 
     /// Results of `f` for each of `items`, in their order.
     fn each<I: Iterator, T>(items: I, f: impl FnMut(I::Item) -> T) -> impl Iterator<Item = T>;
@@ -216,10 +223,15 @@ impl Lane for f32 {
     }
 
     #[inline(always)]
-    fn keep(lines: impl Iterator<Item = Complex<Self>>, kept: &mut [Complex32], count: usize) {
-        let kept = kept.get_mut(..count).unwrap_or_default();
-        for (slot, line) in kept.iter_mut().zip(lines) {
-            *slot = line;
+    fn keep<const BATCH: usize>(
+        batches: impl Iterator<Item = [Complex<Self>; BATCH]>,
+        kept: &mut [Complex32],
+        count: usize,
+        from: usize,
+    ) {
+        let slots = kept.get_mut(from..count).unwrap_or_default();
+        for (slots, batch) in slots.as_chunks_mut().0.iter_mut().zip(batches) {
+            *slots = batch;
         }
     }
 
@@ -285,41 +297,26 @@ macro_rules! lanes {
             }
 
             #[inline(always)]
-            fn keep(
-                mut lines: impl Iterator<Item = Complex<Self>>,
+            fn keep<const BATCH: usize>(
+                batches: impl Iterator<Item = [Complex<Self>; BATCH]>,
                 kept: &mut [Complex32],
                 count: usize,
+                from: usize,
             ) {
                 let mut channels = kept.chunks_exact_mut(count.max(1));
-                let mut channel = || channels.next().unwrap_or_default();
-                let [$(mut $slot),*] = [$({ let _ = $i; channel() }),*];
-                let mut part = |lines: &[Complex<Self>]| {
-                    $(
-                        for (slot, Complex { re, im }) in $slot.iter_mut().zip(lines) {
-                            *slot = Complex32::new(re[$i], im[$i]);
-                        }
-                        let rest = core::mem::take(&mut $slot);
-                        $slot = rest.get_mut(lines.len()..).unwrap_or_default();
-                    )*
+                let mut slots = || {
+                    let channel = channels.next().unwrap_or_default();
+                    channel.get_mut(from..).unwrap_or_default().as_chunks_mut::<BATCH>().0
                 };
-                // Some lines are computed before they are taken apart: the compiler would calculate with
-                // one channel at a time otherwise.
-                let mut some = [Complex::default(); 16];
-                let mut left = count;
-                loop {
-                    let mut computed = 0;
-                    for slot in some.iter_mut().take(left) {
-                        let Some(line) = lines.next() else {
-                            break;
-                        };
-                        *slot = line;
-                        computed += 1;
-                    }
-                    part(some.get(..computed).unwrap_or_default());
-                    left -= computed;
-                    if computed < some.len() {
-                        break;
-                    }
+                let [$($slot),*] = [$({ let _ = $i; slots() }),*];
+                for (n, batch) in (0..(count - from) / BATCH).zip(batches) {
+                    $(
+                        if let Some(slots) = $slot.get_mut(n) {
+                            for (slot, Complex { re, im }) in slots.iter_mut().zip(&batch) {
+                                *slot = Complex32::new(re[$i], im[$i]);
+                            }
+                        }
+                    )*
                 }
             }
 
