@@ -138,10 +138,11 @@ impl Average for CrossAverage<'_> {
         for (k, line) in self.sums.iter_mut().enumerate() {
             let (auto, cross) = line.carry.split_at_mut(RESULTANTS);
             let [re, im] = &mut x;
-            let channels = re.iter_mut().zip(im).zip(auto);
-            for (((re, im), carry), z) in channels.zip(block.line(k)) {
+            for ((re, im), z) in re.iter_mut().zip(&mut *im).zip(block.line(k)) {
                 (*re, *im) = (z.re, z.im);
-                *carry = less(*carry, [z.re, z.re], [z.im, z.im]);
+            }
+            for ((carry, re), im) in auto.iter_mut().zip(re).zip(im) {
+                *carry = less(*carry, [*re, *re], [*im, *im]);
             }
             add_pairs(&x, cross);
         }

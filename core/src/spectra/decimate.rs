@@ -137,7 +137,11 @@ impl Decimator {
     pub(super) fn push<R: Row>(&mut self, storage: &mut [f32], sample: &[f32]) -> bool {
         let at = self.collected;
         if sample.len() == self.channels {
-            R::store(R::rows_mut(storage).as_chunks_mut::<COLLECTED>().0, at, sample);
+            R::store(
+                R::rows_mut(storage).as_chunks_mut::<COLLECTED>().0,
+                at,
+                sample,
+            );
         } else {
             self.store_other::<R>(storage, sample);
         }
@@ -149,10 +153,17 @@ impl Decimator {
     #[cold]
     fn store_other<R: Row>(&self, storage: &mut [f32], sample: &[f32]) {
         let queues = self.queues::<R>(storage);
-        for row in queues.iter_mut().filter_map(|queue| queue.get_mut(self.collected)) {
+        for row in queues
+            .iter_mut()
+            .filter_map(|queue| queue.get_mut(self.collected))
+        {
             *row = R::ZERO;
         }
-        R::store(queues, self.collected, sample.get(..self.channels).unwrap_or(sample));
+        R::store(
+            queues,
+            self.collected,
+            sample.get(..self.channels).unwrap_or(sample),
+        );
     }
 
     /// Filters the samples that were collected, of every channel. The outputs of each, too large by two a
@@ -264,21 +275,31 @@ fn unfiltered<L: Lane>(samples: &[L::Row], rings: &mut [L], (n, at): (usize, usi
     let mut l = 0;
     for ring in rings.chunks_exact_mut(n.max(1)) {
         let slots = ring.get_mut(at..at + samples.len()).unwrap_or_default();
-        let (fours, samples) = samples.as_chunks::<4>();
+        let (eights, samples) = samples.as_chunks();
         let (slots, rest) = slots.as_chunks_mut();
-        for (y, [a, b, c, d]) in slots.iter_mut().zip(fours) {
-            *y = [
-                L::of_row(a, l),
-                L::of_row(b, l),
-                L::of_row(c, l),
-                L::of_row(d, l),
-            ];
+        for (slots, rows) in slots.iter_mut().zip(eights) {
+            *slots = eight_of(rows, l);
         }
         for (y, row) in rest.iter_mut().zip(samples) {
             *y = L::of_row(row, l);
         }
         l += L::WIDTH;
     }
+}
+
+/// Eight samples of a lane. All is written out, as the filters are.
+#[inline(always)]
+fn eight_of<L: Lane>([a, b, c, d, e, f, g, h]: &[L::Row; 8], l: usize) -> [L; 8] {
+    [
+        L::of_row(a, l),
+        L::of_row(b, l),
+        L::of_row(c, l),
+        L::of_row(d, l),
+        L::of_row(e, l),
+        L::of_row(f, l),
+        L::of_row(g, l),
+        L::of_row(h, l),
+    ]
 }
 
 #[cfg(test)]

@@ -197,7 +197,7 @@ impl Average for DriveAverage<'_> {
         self.add_drive(drive);
         let mut c = 0;
         while c < self.channels {
-            let [x, y] = [1, 2].map(|n| block.channel(c + n));
+            let (x, y) = (block.channel(c + 1), block.channel(c + 2));
             // Of two that are not both there, the first is.
             if c + 1 < self.channels && x.len() == y.len() {
                 self.add_two_responses(c, drive, [x, y]);

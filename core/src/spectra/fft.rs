@@ -1,9 +1,9 @@
 //! Transforms of real blocks in fixed memory: N samples as N/2 complex ones.
 //!
-//! Radix 4, decimation in time, after a first pass of radix 8 or 4 that reads the samples where they
-//! lie: no pass has a twiddle factor that is one, and none checks a bound in its inner loop. It is
-//! our own, since the blocks of twelve channels are most of what the chip does: microfft 0.6 takes
-//! three times as many instructions for the same lines.
+//! Radix 4, of blocks of 1024 radix 8, decimation in time, after a first pass of radix 8 or 4 that reads the
+//! samples where they lie; none checks a bound in its inner loop. It is our own, since the blocks of twelve
+//! channels are most of what the chip does: microfft 0.6 takes three times as many instructions for the same
+//! lines.
 
 use super::Complex32;
 use super::lane::{Complex, Lane, minus, plus, times, turned};
@@ -36,6 +36,26 @@ static TWIDDLES: [[Complex32; 3]; BUTTERFLIES] = {
         let mut m = 0;
         while m < 3 {
             table[k][m] = unit((m + 1) * k, 4 * BUTTERFLIES);
+            m += 1;
+        }
+        k += 1;
+    }
+    table
+};
+
+/// Pairs of the blocks that are transformed by passes of radix 8 alone, 8 · 8 · 8: blocks of 1024, which are
+/// most of what a chip does without decimation. Workstations have too few registers for eight channels by
+/// eights, and take a few hundredths longer so; longer blocks are none of the chip's.
+const BY_EIGHTS: usize = 512;
+
+/// exp(-2πj mk/N) for the last pass of those, and every eighth for the one before: m = 1 to 7 of each k.
+static TWIDDLES_OF_EIGHT: [[Complex32; 7]; BY_EIGHTS / 8] = {
+    let mut table = [[Complex32::new(0.0, 0.0); 7]; BY_EIGHTS / 8];
+    let mut k = 0;
+    while k < table.len() {
+        let mut m = 0;
+        while m < 7 {
+            table[k][m] = unit((m + 1) * k, BY_EIGHTS);
             m += 1;
         }
         k += 1;
@@ -115,7 +135,8 @@ pub(super) fn transform_pairs<L: Lane>(
     wanted: usize,
 ) {
     let half = work.len();
-    let radix = if half.trailing_zeros() % 2 == 1 { 8 } else { 4 };
+    let is_odd = half.trailing_zeros() % 2 == 1;
+    let radix = if is_odd { 8 } else { 4 };
     let groups = half / radix;
     // Four channels at once, elsewhere than on the chip, are faster with lengths that are not known.
     let alone = L::WIDTH == 1;
@@ -125,6 +146,11 @@ pub(super) fn transform_pairs<L: Lane>(
         64 if in_halves => first_pass::<L, 64>(ring, head, work),
         _ if radix == 8 && head.is_multiple_of(2 * groups) => in_pieces(ring, head, work),
         _ => one_by_one(ring, head, work, radix),
+    }
+    if half == BY_EIGHTS {
+        combine_by_eights(work);
+        combine_last_eight(work, wanted);
+        return;
     }
     let mut length = radix;
     while length < half {
@@ -155,12 +181,14 @@ fn first_pass<L: Lane, const GROUPS: usize>(ring: &[L], head: usize, work: &mut 
     else {
         return;
     };
-    let (work, _) = work.as_chunks_mut::<8>();
-    for (k, place) in (0..GROUPS).zip(Reversed::of(GROUPS).places()) {
-        if let Some(work) = work.get_mut(place) {
-            let z = |pairs: &[[L; 2]; GROUPS]| Complex::new(pairs[k][0], pairs[k][1]);
-            *work = eight([z(a), z(b), z(c), z(d), z(e), z(f), z(g), z(h)]);
-        }
+    let [work] = work.as_chunks_mut::<8>().0.as_chunks_mut::<GROUPS>().0 else {
+        return;
+    };
+    let reversed = Reversed::of(GROUPS, 8);
+    for (k, place) in (0..GROUPS).zip(reversed.places()) {
+        let z = |pairs: &[[L; 2]; GROUPS]| Complex::new(pairs[k][0], pairs[k][1]);
+        // Never beyond, which needs no check then.
+        work[place % GROUPS] = eight([z(a), z(b), z(c), z(d), z(e), z(f), z(g), z(h)]);
     }
 }
 
@@ -178,7 +206,7 @@ fn in_pieces<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
     let (e, f, g, h) = (piece(), piece(), piece(), piece());
     let inputs = a.zip(e).zip(c.zip(g)).zip(b.zip(f).zip(d.zip(h)));
     let (work, _) = work.as_chunks_mut::<8>();
-    let reversed = Reversed::of(groups);
+    let reversed = Reversed::of(groups, 8);
     for ((((a, e), (c, g)), ((b, f), (d, h))), place) in inputs.zip(reversed.places()) {
         if let Some(work) = work.get_mut(place) {
             let z = |pair: &[L; 2]| Complex::new(pair[0], pair[1]);
@@ -192,7 +220,8 @@ fn in_pieces<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>]) {
 #[cfg_attr(not(target_os = "none"), inline(always))]
 fn one_by_one<L: Lane>(ring: &[L], head: usize, work: &mut [Complex<L>], radix: usize) {
     let groups = work.len() / radix;
-    let (reversed, last) = (Reversed::of(groups), ring.len().wrapping_sub(1));
+    let reversed = Reversed::of(groups, radix);
+    let last = ring.len().wrapping_sub(1);
     let sample = |n: usize| ring.get((head + n) & last).copied().unwrap_or_default();
     let input = |place: usize, r: usize| {
         let n = 2 * (place + r * groups);
@@ -217,26 +246,40 @@ const GROUPS: usize = if (MAX_BLOCK_LENGTH / 8).trailing_zeros().is_multiple_of(
     MAX_BLOCK_LENGTH / 16
 };
 
-/// The numbers of as many groups with the digits to base four reversed.
-static REVERSED: [u16; GROUPS] = {
-    let mut table = [0; GROUPS];
+/// The numbers of groups with the digits to base four reversed.
+static REVERSED: [u16; GROUPS] = reversed(4);
+
+/// The same to base eight, for passes of radix 8 alone.
+static REVERSED_BY_EIGHTS: [u16; BY_EIGHTS / 8] = reversed(8);
+
+/// The numbers of `N` groups, a power of `base`, with the digits to that base reversed.
+const fn reversed<const N: usize>(base: usize) -> [u16; N] {
+    let mut table = [0; N];
     let mut k = 1;
-    while k < GROUPS {
-        table[k] = (k % 4 * (GROUPS / 4)) as u16 + table[k / 4] / 4;
+    while k < N {
+        table[k] = (k % base * (N / base)) as u16 + table[k / base] / base as u16;
         k += 1;
     }
     table
-};
+}
 
-/// The order of the groups of the first pass: their numbers with the digits to base four reversed.
+/// The order of the groups of the first pass: their numbers with the digits to base four or eight reversed.
 struct Reversed {
+    table: &'static [u16],
     shift: u32,
 }
 
 impl Reversed {
-    fn of(groups: usize) -> Self {
+    /// Those of a first pass of `radix`.
+    fn of(groups: usize, radix: usize) -> Self {
+        let table: &[_] = if groups * radix == BY_EIGHTS {
+            &REVERSED_BY_EIGHTS
+        } else {
+            &REVERSED
+        };
         Self {
-            shift: (GROUPS / groups.max(1)).trailing_zeros(),
+            table,
+            shift: (table.len() / groups.max(1)).trailing_zeros(),
         }
     }
 
@@ -244,7 +287,7 @@ impl Reversed {
     #[inline(always)]
     fn places(&self) -> impl Iterator<Item = usize> {
         let shift = self.shift;
-        REVERSED
+        self.table
             .iter()
             .map(move |place| usize::from(*place) >> (shift % u16::BITS))
     }
@@ -271,17 +314,105 @@ fn eight<L: Lane>([a, b, c, d, e, f, g, h]: [Complex<L>; 8]) -> [Complex<L>; 8] 
     let [o0, o1, o2, o3] = butterfly(b, d, f, h);
     let o1 = Complex::new(o1.re.plus(o1.im).times(S), o1.im.minus(o1.re).times(S));
     let o2 = turned(o2);
-    let o3 = Complex::new(o3.im.minus(o3.re).times(S), o3.re.plus(o3.im).times(-S));
+    let [e3_o3, e3_less_o3] = with_last(e3, o3);
     [
         plus(e0, o0),
         plus(e1, o1),
         plus(e2, o2),
-        plus(e3, o3),
+        e3_o3,
         minus(e0, o0),
         minus(e1, o1),
         minus(e2, o2),
-        minus(e3, o3),
+        e3_less_o3,
     ]
+}
+
+/// Sum and difference of the last line of the even numbers, and of that of the odd ones, which is turned by
+/// three eighths of a circle.
+#[inline(always)]
+fn with_last<L: Lane>(even: Complex<L>, odd: Complex<L>) -> [Complex<L>; 2] {
+    const S: f32 = core::f32::consts::FRAC_1_SQRT_2;
+    // Its imaginary part is the negative one of this number.
+    let (re, im) = (odd.im.minus(odd.re).times(S), odd.re.plus(odd.im).times(S));
+    [
+        Complex::new(even.re.plus(re), even.im.minus(im)),
+        Complex::new(even.re.minus(re), even.im.plus(im)),
+    ]
+}
+
+/// Combines transforms of eight lines by eights.
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn combine_by_eights<L: Lane>(work: &mut [Complex<L>]) {
+    let factors = TWIDDLES_OF_EIGHT.as_chunks::<8>().0;
+    for parts in work.as_chunks_mut::<8>().0.as_chunks_mut::<8>().0 {
+        let [a, b, c, d, e, f, g, h] = parts;
+        for (k, [w, ..]) in (0..8).zip(factors) {
+            let x = [a[k], b[k], c[k], d[k], e[k], f[k], g[k], h[k]];
+            // The factors of the first line are one. Two ways have the compiler keep all in registers, too.
+            let x = if k == 0 { x } else { turned_by(x, w) };
+            [a[k], b[k], c[k], d[k], e[k], f[k], g[k], h[k]] = eight(x);
+        }
+    }
+}
+
+/// Combines the last eight transforms, of which no line but the first `wanted` and the last as many is
+/// used.
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn combine_last_eight<L: Lane>(work: &mut [Complex<L>], wanted: usize) {
+    // Not told the length, the compiler keeps eight addresses, of which each is within reach of two numbers.
+    let length = core::hint::black_box(BY_EIGHTS / 8).max(1);
+    let mut parts = work.chunks_exact_mut(length);
+    let mut part = || parts.next().unwrap_or_default();
+    let (a, b, c, d) = (part(), part(), part(), part());
+    let (e, f, g, h) = (part(), part(), part(), part());
+    let inputs = a.iter_mut().zip(b).zip(c.iter_mut().zip(d));
+    let inputs = inputs.zip(e.iter_mut().zip(f).zip(g.iter_mut().zip(h)));
+    // The second eighth and the last but one begin and end with lines that are used.
+    let full = wanted.saturating_sub(length);
+    let ends = length.saturating_sub(2 * full);
+    for (k, ((((a, b), (c, d)), ((e, f), (g, h))), w)) in inputs.zip(&TWIDDLES_OF_EIGHT).enumerate()
+    {
+        let x = turned_by([*a, *b, *c, *d, *e, *f, *g, *h], w);
+        // One comparison for both ends.
+        if k.wrapping_sub(full) < ends {
+            [*a, *h] = ends_of_eight(x);
+        } else {
+            [*a, *b, *c, *d, *e, *f, *g, *h] = eight(x);
+        }
+    }
+}
+
+/// Eight numbers of which all but the first are turned by factors.
+#[inline(always)]
+fn turned_by<L: Lane>(
+    [a, b, c, d, e, f, g, h]: [Complex<L>; 8],
+    w: &[Complex32; 7],
+) -> [Complex<L>; 8] {
+    [
+        a,
+        times(b, w[0]),
+        times(c, w[1]),
+        times(d, w[2]),
+        times(e, w[3]),
+        times(f, w[4]),
+        times(g, w[5]),
+        times(h, w[6]),
+    ]
+}
+
+/// The first and the last line of the transform of eight numbers.
+#[inline(always)]
+fn ends_of_eight<L: Lane>([a, b, c, d, e, f, g, h]: [Complex<L>; 8]) -> [Complex<L>; 2] {
+    // As in a butterfly, and in the transform of all lines.
+    let ends = |a, c, e, g| {
+        let first = plus(plus(a, e), plus(c, g));
+        (first, minus(minus(a, e), turned(minus(c, g))))
+    };
+    let ((e0, e3), (o0, o3)) = (ends(a, c, e, g), ends(b, d, f, h));
+    let [_, last] = with_last(e3, o3);
+    [plus(e0, o0), last]
 }
 
 /// Combines transforms of eight lines by fours: line after line, since its factors are those of all.
@@ -410,12 +541,7 @@ pub(super) fn lines_by_twos<L: Lane>(
 fn pairs<L: Lane, const BATCH: usize>(
     z: &[Complex<L>],
     first: usize,
-) -> impl Iterator<
-    Item = (
-        (&[Complex<L>; BATCH], &[Complex<L>]),
-        &[Complex32; BATCH],
-    ),
-> {
+) -> impl Iterator<Item = ((&[Complex<L>; BATCH], &[Complex<L>]), &[Complex32; BATCH])> {
     let n = 2 * z.len();
     // There are MAX_BLOCK_LENGTH / 2 + MAX_BLOCK_LENGTH / 4 + … before.
     let begin = MAX_BLOCK_LENGTH.saturating_sub(n);
@@ -452,7 +578,10 @@ mod tests {
     /// Every line of a block that begins anywhere in its ring, against the sum as it is defined.
     #[test]
     fn lines_are_those_of_the_definition() {
-        for n in [16, 32, 64, 128, 256, 512, 1024] {
+        let short = [16, 32, 64, 128, 256, 512, 1024];
+        let long = [2048, 8192];
+        let lengths = short.into_iter().chain(long);
+        for n in lengths.filter(|n| *n <= MAX_BLOCK_LENGTH) {
             let mut state = 1_u32;
             let mut noise = || {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -468,7 +597,8 @@ mod tests {
                 for first in [1, n / 4, n / 2 - 1] {
                     let found: Vec<_> = lines(&work, first).take(n / 2 - first).collect();
                     assert_eq!(found.len(), n / 2 - first);
-                    for (k, found) in found.iter().enumerate() {
+                    // Of long ones some, since the sums take long.
+                    for (k, found) in found.iter().enumerate().step_by(n * n >> 20 | 1) {
                         let k = first + k;
                         let (mut re, mut im) = (0.0, 0.0);
                         for (i, x) in samples.iter().enumerate() {
@@ -490,7 +620,8 @@ mod tests {
     /// The first lines where the others are not wanted, to the last bit.
     #[test]
     fn lines_that_are_not_wanted_change_no_other() {
-        for n in [16, 128, 256, 1024] {
+        let lengths = [16, 128, 256, 1024, 8192];
+        for n in lengths.into_iter().filter(|n| *n <= MAX_BLOCK_LENGTH) {
             let samples: Vec<f32> = (0..n)
                 .map(|i| ((i * i * 7 + i) % 101) as f32 - 50.0)
                 .collect();

@@ -298,25 +298,41 @@ macro_rules! lanes {
 
             #[inline(always)]
             fn keep<const BATCH: usize>(
-                batches: impl Iterator<Item = [Complex<Self>; BATCH]>,
+                mut batches: impl Iterator<Item = [Complex<Self>; BATCH]>,
                 kept: &mut [Complex32],
                 count: usize,
                 from: usize,
             ) {
                 let mut channels = kept.chunks_exact_mut(count.max(1));
-                let mut slots = || {
-                    let channel = channels.next().unwrap_or_default();
-                    channel.get_mut(from..).unwrap_or_default().as_chunks_mut::<BATCH>().0
-                };
-                let [$($slot),*] = [$({ let _ = $i; slots() }),*];
-                for (n, batch) in (0..(count - from) / BATCH).zip(batches) {
+                let mut slots = || channels.next().and_then(|channel| channel.get_mut(from..));
+                let [$(mut $slot),*] = [$({ let _ = $i; slots().unwrap_or_default() }),*];
+                let mut part = |lines: &[Complex<Self>]| {
                     $(
-                        if let Some(slots) = $slot.get_mut(n) {
-                            for (slot, Complex { re, im }) in slots.iter_mut().zip(&batch) {
-                                *slot = Complex32::new(re[$i], im[$i]);
-                            }
+                        for (slot, Complex { re, im }) in $slot.iter_mut().zip(lines) {
+                            *slot = Complex32::new(re[$i], im[$i]);
                         }
+                        let rest = core::mem::take(&mut $slot);
+                        $slot = rest.get_mut(lines.len()..).unwrap_or_default();
                     )*
+                };
+                // Some lines are computed before they are taken apart: the compiler would calculate with
+                // one channel at a time otherwise.
+                let mut some = [Complex::default(); 16];
+                let mut left = count - from;
+                loop {
+                    let mut computed = 0;
+                    for slots in some.as_chunks_mut().0.iter_mut().take(left / BATCH) {
+                        let Some(batch) = batches.next() else {
+                            break;
+                        };
+                        *slots = batch;
+                        computed += BATCH;
+                    }
+                    part(some.get(..computed).unwrap_or_default());
+                    left -= computed;
+                    if computed < some.len() {
+                        break;
+                    }
                 }
             }
 
