@@ -124,6 +124,23 @@ const fn pair(i: usize, j: usize) -> (usize, usize) {
     (re, re + later)
 }
 
+/// A loop over as many items as there are numbers, or fewer. On the chip it is written out, since its code is
+/// made small, with loops, rather than fast.
+macro_rules! written_out {
+    ($($number:literal)*: for $item:pat in $items:expr => $block:block) => {
+        #[cfg(target_os = "none")]
+        {
+            let mut items = $items;
+            $(
+                let _ = $number;
+                if let Some($item) = items.next() $block
+            )*
+        }
+        #[cfg(not(target_os = "none"))]
+        for $item in $items $block
+    };
+}
+
 impl Average for CrossAverage<'_> {
     fn add(&mut self, block: &BlockSpectra<'_>) {
         for CrossSums { sum, carry } in due(self.sums.iter_mut(), self.blocks) {
@@ -136,14 +153,18 @@ impl Average for CrossAverage<'_> {
         // A channel that the block lacks is zero at all lines.
         let mut x = [[0.0; RESULTANTS]; 2];
         for (k, line) in self.sums.iter_mut().enumerate() {
-            let (auto, cross) = line.carry.split_at_mut(RESULTANTS);
+            let Some((auto, cross)) = line.carry.split_first_chunk_mut::<RESULTANTS>() else {
+                continue;
+            };
             let [re, im] = &mut x;
-            for ((re, im), z) in re.iter_mut().zip(&mut *im).zip(block.line(k)) {
+            let channels = re.iter_mut().zip(&mut *im).zip(block.line(k));
+            written_out!(0 1 2 3 4 5 6 7 8 9 10 11: for ((re, im), z) in channels => {
                 (*re, *im) = (z.re, z.im);
-            }
-            for ((carry, re), im) in auto.iter_mut().zip(re).zip(im) {
+            });
+            let channels = auto.iter_mut().zip(re.iter().zip(im.iter()));
+            written_out!(0 1 2 3 4 5 6 7 8 9 10 11: for (carry, (re, im)) in channels => {
                 *carry = less(*carry, [*re, *re], [*im, *im]);
-            }
+            });
             add_pairs(&x, cross);
         }
         self.blocks = self.blocks.saturating_add(1);
@@ -192,26 +213,21 @@ fn add_two_rows<'s, const N: usize>(
         Some(part)
     };
     if let (Some(p), Some(q), Some(r), Some(s)) = (take(), take(), take(), take()) {
-        // Two columns at a time, written out: a loop over them would be one on the chip, too.
+        // Two columns at a time.
         let columns = re.as_chunks::<2>().0.iter().zip(im.as_chunks::<2>().0);
-        let first = p
-            .as_chunks_mut::<2>()
-            .0
-            .iter_mut()
-            .zip(q.as_chunks_mut::<2>().0);
-        let second = r
-            .as_chunks_mut::<2>()
-            .0
-            .iter_mut()
-            .zip(s.as_chunks_mut::<2>().0);
-        for (([e, f], [g, h]), (([p, t], [q, u]), ([r, v], [s, w]))) in
-            columns.zip(first.zip(second))
-        {
-            add_product((p, q), (a, b), (*e, *g));
-            add_product((r, s), (c, d), (*e, *g));
-            add_product((t, u), (a, b), (*f, *h));
-            add_product((v, w), (c, d), (*f, *h));
-        }
+        let (p, q) = (p.as_chunks_mut::<2>().0, q.as_chunks_mut::<2>().0);
+        let (r, s) = (r.as_chunks_mut::<2>().0, s.as_chunks_mut::<2>().0);
+        let sums = p.iter_mut().zip(q).zip(r.iter_mut().zip(s));
+        let columns = columns.zip(sums);
+        written_out!(
+            0 1 2 3 4:
+            for (([e, f], [g, h]), (([p, t], [q, u]), ([r, v], [s, w]))) in columns => {
+                add_product((p, q), (a, b), (*e, *g));
+                add_product((r, s), (c, d), (*e, *g));
+                add_product((t, u), (a, b), (*f, *h));
+                add_product((v, w), (c, d), (*f, *h));
+            }
+        );
     }
     rest
 }
