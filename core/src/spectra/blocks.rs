@@ -281,6 +281,7 @@ mod tests {
         fn spectra<L: Compiled>(
             settings: BlockSettings,
             channels: usize,
+            others: usize,
         ) -> std::vec::Vec<[u32; 2]> {
             let nothing = Complex32::new(0.0, 0.0);
             let [history, work, lines] = Blocks::<L>::storage_len(&settings, channels);
@@ -299,6 +300,10 @@ mod tests {
                 if n % 1000 == 999 {
                     // A sample that lacks channels.
                     sample.truncate(channels / 2);
+                }
+                if n % 1000 == 499 {
+                    // One that has too many.
+                    sample.resize(channels + others, 1e30);
                 }
                 if let Some(block) = blocks.push(&sample) {
                     for c in 0..channels {
@@ -322,9 +327,9 @@ mod tests {
                 let settings = settings.unwrap();
                 for settings in [settings, settings.without_decimation()] {
                     for channels in 1..=9 {
-                        let one = spectra::<f32>(settings, channels);
-                        let four = spectra::<[f32; 4]>(settings, channels);
-                        let eight = spectra::<[f32; 8]>(settings, channels);
+                        let one = spectra::<f32>(settings, channels, 0);
+                        let four = spectra::<[f32; 4]>(settings, channels, 7);
+                        let eight = spectra::<[f32; 8]>(settings, channels, 40);
                         assert!(!one.is_empty());
                         assert!(one == four, "{settings:?}, {channels} channels");
                         assert!(one == eight, "{settings:?}, {channels} channels");
