@@ -65,7 +65,7 @@ impl Filters {
     }
 
     /// Elements of storage that `channels` in groups of `group` need: for samples that wait, for outputs of
-    /// the stages before the last one, and for what all stages remember.
+    /// the stages before the last two, and for what all stages remember.
     pub(super) const fn storage_len(&self, channels: usize, group: usize) -> usize {
         let groups = channels.div_ceil(group);
         group * (COLLECTED * (groups + 1) + groups * self.state_rows())
@@ -222,7 +222,7 @@ impl Decimator {
     }
 
     /// Filters a group by all stages: as many lanes as there are rings. `room` takes the outputs of the stages
-    /// before the last one, one behind the other.
+    /// before the last two, one behind the other.
     #[cfg_attr(not(target_os = "none"), inline(always))]
     fn run<L: Lane>(
         &self,
