@@ -535,13 +535,18 @@ pub(super) fn lines_by_twos<L: Lane>(
     )
 }
 
-/// The pairs of which lines `first` and up are made, in batches: the pairs k, the pairs N/2 - k in
-/// rising order, and the factors.
+/// Pairs of which some lines are made: the pairs k, the pairs N/2 - k in rising order, and the factors.
+type Batch<'a, L, const BATCH: usize> = (
+    (&'a [Complex<L>; BATCH], &'a [Complex<L>]),
+    &'a [Complex32; BATCH],
+);
+
+/// Those of lines `first` and up, in batches.
 #[inline(always)]
 fn pairs<L: Lane, const BATCH: usize>(
     z: &[Complex<L>],
     first: usize,
-) -> impl Iterator<Item = ((&[Complex<L>; BATCH], &[Complex<L>]), &[Complex32; BATCH])> {
+) -> impl Iterator<Item = Batch<'_, L, BATCH>> {
     let n = 2 * z.len();
     // There are MAX_BLOCK_LENGTH / 2 + MAX_BLOCK_LENGTH / 4 + … before.
     let begin = MAX_BLOCK_LENGTH.saturating_sub(n);
@@ -598,7 +603,7 @@ mod tests {
                     let found: Vec<_> = lines(&work, first).take(n / 2 - first).collect();
                     assert_eq!(found.len(), n / 2 - first);
                     // Of long ones some, since the sums take long.
-                    for (k, found) in found.iter().enumerate().step_by(n * n >> 20 | 1) {
+                    for (k, found) in found.iter().enumerate().step_by(((n * n) >> 20) | 1) {
                         let k = first + k;
                         let (mut re, mut im) = (0.0, 0.0);
                         for (i, x) in samples.iter().enumerate() {
