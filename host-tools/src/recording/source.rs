@@ -131,21 +131,31 @@ impl Block {
         sample.is_some()
     }
 
-    /// Adds samples without faults with their places. `readings` tells those of a channel, by its position in
-    /// the selection.
-    pub(super) fn extend<'r>(
+    /// Adds samples without faults with their places. `columns` are the readings of each channel of the
+    /// selection, as many at least.
+    pub(super) fn extend(
         &mut self,
         count: usize,
         place: impl Fn(usize) -> Place,
-        mut readings: impl FnMut(usize) -> &'r [f64],
+        columns: &[&[f64]],
     ) {
         let before = self.readings.len();
         self.readings.resize(before + count * self.width, f64::NAN);
         let added = self.readings.get_mut(before..).unwrap_or_default();
-        for k in 0..self.width {
-            let samples = added.chunks_exact_mut(self.width);
-            for (sample, reading) in samples.zip(readings(k)) {
-                if let Some(slot) = sample.get_mut(k) {
+        let width = self.width.max(1);
+        let (fours, rest) = columns.as_chunks::<4>();
+        // Four at a time, so that each sample is written in few passes.
+        for (at, [a, b, c, d]) in (0..).step_by(4).zip(fours) {
+            let readings = a.iter().zip(*b).zip(c.iter().zip(*d));
+            for (sample, ((a, b), (c, d))) in added.chunks_exact_mut(width).zip(readings) {
+                if let Some(slots) = sample.get_mut(at..at + 4) {
+                    slots.copy_from_slice(&[*a, *b, *c, *d]);
+                }
+            }
+        }
+        for (at, readings) in (4 * fours.len()..).zip(rest) {
+            for (sample, reading) in added.chunks_exact_mut(width).zip(*readings) {
+                if let Some(slot) = sample.get_mut(at) {
                     *slot = *reading;
                 }
             }

@@ -271,9 +271,7 @@ impl ParquetFile {
         }
         let place = |n: usize| Place::Sample(self.next + 1 + n as u64);
         let decoded = columns.iter().map(Series::decoded).collect::<Vec<_>>();
-        block.extend(count, place, |k| {
-            decoded.get(k).copied().unwrap_or_default()
-        });
+        block.extend(count, place, &decoded);
         for column in columns.iter_mut().chain(faults) {
             column.skip(count);
         }
