@@ -254,3 +254,33 @@ pub trait Source {
         None
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Samples of one to nine channels, in two parts, of columns that hold more than is taken.
+    #[test]
+    fn columns_become_samples() {
+        for width in 1..=9 {
+            let reading = |channel: usize, n: usize| (100 * channel + n) as f64;
+            let columns: Vec<Vec<f64>> = (0..width)
+                .map(|channel| (0..20).map(|n| reading(channel, n)).collect())
+                .collect();
+            let mut block = Block::default();
+            block.begin(width, 10);
+            for (from, count) in [(0, 3), (3, 7)] {
+                let columns: Vec<&[f64]> = columns.iter().map(|c| &c[from..]).collect();
+                block.extend(count, |n| Place::Sample((from + n) as u64), &columns);
+            }
+            assert_eq!((block.len(), block.room()), (10, 0));
+            for n in 0..10 {
+                let (readings, place, health) = block.sample(n).unwrap();
+                let expected: Vec<f64> = (0..width).map(|channel| reading(channel, n)).collect();
+                assert_eq!(readings, expected, "{width} channels");
+                assert!(matches!(place, Place::Sample(at) if at == n as u64));
+                assert_eq!(health, Health::GOOD);
+            }
+        }
+    }
+}
