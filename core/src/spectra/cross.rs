@@ -125,10 +125,10 @@ const fn pair(i: usize, j: usize) -> (usize, usize) {
 }
 
 /// A loop over as many items as there are numbers, or fewer. On the chip it is written out, since its code is
-/// made small, with loops, rather than fast.
+/// made small, with loops, rather than fast; and in tests of this crate, which would not see it otherwise.
 macro_rules! written_out {
     ($($number:literal)*: for $item:pat in $items:expr => $block:block) => {
-        #[cfg(target_os = "none")]
+        #[cfg(any(target_os = "none", test))]
         {
             let mut items = $items;
             $(
@@ -136,7 +136,7 @@ macro_rules! written_out {
                 if let Some($item) = items.next() $block
             )*
         }
-        #[cfg(not(target_os = "none"))]
+        #[cfg(not(any(target_os = "none", test)))]
         for $item in $items $block
     };
 }
