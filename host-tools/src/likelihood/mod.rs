@@ -38,6 +38,7 @@ mod record;
 mod resonances;
 mod rigid;
 mod search;
+mod shrinkage;
 mod solve;
 mod start;
 #[cfg(test)]

@@ -1,12 +1,13 @@
 //! Start values: modes are added one by one until the data no longer ask for more.
 
 use super::descent::{self, Descent, Freedom, Problem};
-use super::excited::{Excited, believed};
+use super::excited::Excited;
 use super::guess::Body;
 use super::model::{FittedMode, Model, OF_MODE, RIGID, SYMMETRIC, triangle};
 use super::normal::Detail;
 use super::record::{Record, highest, real_equations};
 use super::search::Groups;
+use super::shrinkage::believed;
 use super::{Progress, Stage};
 use nalgebra::{DMatrix, DVector, Vector6};
 
