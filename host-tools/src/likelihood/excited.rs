@@ -513,6 +513,32 @@ mod tests {
         }
     }
 
+    /// Of a base that moves along one axis, motion along the two others is as uncertain as measured: no rotation
+    /// tells of it.
+    #[test]
+    fn translations_at_rest_are_as_uncertain_as_measured() {
+        let mut stream = Stream::new(12, &["steady"]);
+        let mut excited = turned([0.0; 9], &mut stream);
+        excited.coordinates = excited.coordinates.rows(0, 1).into_owned();
+        excited.directions = excited.directions.columns(0, 1).into_owned();
+        excited.power = vec![51.0];
+        excited.resting = DMatrix::from_fn(6, 5, |i, j| f64::from(u8::from(i == 1 + j)));
+        excited.steady();
+        assert_eq!(excited.tilts.len(), 1);
+        let deviations: Vec<f64> = excited.tilts[0].row_iter().map(|r| r.norm()).collect();
+        for i in [1, 2] {
+            assert!((deviations[i] - NOISE).abs() < 1e-12, "{deviations:?}");
+        }
+        assert!(deviations[0] == 0.0 && excited.believed < 1.0);
+        // Three terms are hardly believed to be noise alone.
+        for i in 3..6 {
+            assert!(
+                (0.7 * NOISE..1.05 * NOISE).contains(&deviations[i]),
+                "{deviations:?}"
+            );
+        }
+    }
+
     /// A rotation that the sensors cannot have made up stays as it is.
     #[test]
     fn a_rotation_about_an_axis_without_noise_is_left_alone() {
