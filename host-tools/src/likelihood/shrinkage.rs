@@ -158,9 +158,9 @@ mod tests {
     }
 
     /// Terms of one size, one that stands alone and a third of them, of 0 to 20 times their noise: all together err by
-    /// 0.88 to 1.02 times what is claimed and by no more than the measurements, one that stands alone by at most 1.21
-    /// times, by another program with 20,000 draws. Means of 2000 squares spread by 3 %, their roots by half of it, three
-    /// of which are allowed.
+    /// 0.88 to 1.02 times what is claimed (at most 1.0 where one stands alone) and by no more than the measurements, the
+    /// first by at most 1.02 times, 1.21 where it or a third stands alone, by another program with 20,000 draws. Roots of
+    /// means of 2000 squares spread by 1.6 %, three of which are allowed, of more terms by less.
     #[test]
     fn terms_of_any_size_err_by_as_much_as_is_claimed() {
         for n in [3, 6, 9] {
@@ -169,14 +169,18 @@ mod tests {
                 one[0] = size;
                 let mut third = vec![0.0; n];
                 third[..n / 3].fill(size);
-                for truth in [vec![size; n], third, one] {
+                for (truth, of_first, of_all) in [
+                    (vec![size; n], 1.07, 1.045),
+                    (third, 1.27, 1.045),
+                    (one, 1.27, 1.025),
+                ] {
                     let [first, all, error, share] = errors(&truth);
-                    println!("{truth:?}: {first:.3} {all:.3} {error:.3} {share:.3}");
-                    assert!(first < 1.27 && (0.84..1.07).contains(&all), "{truth:?}");
-                    assert!(error < 1.05, "{truth:?}: {error}");
+                    let found = format!("{truth:?}: {first:.3} {all:.3} {error:.3} {share:.3}");
+                    assert!(first < of_first && (0.85..of_all).contains(&all), "{found}");
+                    assert!(error < 1.03, "{found}");
                     assert!(
                         size < 20.0 || truth[n - 1] == 0.0 || share > 0.99,
-                        "{share}"
+                        "{found}"
                     );
                 }
             }
@@ -193,8 +197,9 @@ mod tests {
         assert!((0.40..0.43).contains(&share), "{share}");
     }
 
+    /// One or two terms stay as they are. Of terms that are no numbers, all zero or far too large the share is one still.
     #[test]
-    fn few_terms_and_terms_that_are_no_numbers_stay_as_they_are() {
+    fn few_terms_stay_as_they_are() {
         for measured in [vec![], vec![0.1], vec![0.1, 0.2]] {
             let found = shrunk(&measured);
             assert_eq!(
