@@ -141,18 +141,22 @@ pub(crate) fn fit_records(
         noise: Some(read.origin),
     };
     let mut highest = band[1];
+    // About the point about which the noise was estimated, so that the numbers are the same wherever A lies. Where the
+    // test leaves mass or centre of gravity open, other terms may be told about another point.
+    let whole = rigid[..4].iter().all(|told| *told);
+    let about = read.middle.filter(|_| whole).unwrap_or_else(Vector3::zeros);
     let options = Options {
         start: None,
         threads,
         rigid: Some(rigid),
-        near: near(answer),
+        near: near(answer, &(answer.reference + about)),
     };
     // Two narrower bands: above the second mode, and above the first.
     for _ in 0..3 {
         let cut: Vec<_> = read
             .records
             .iter()
-            .map(|r| r.thinned(0, 1, highest))
+            .map(|r| r.thinned(0, 1, highest).about(&about))
             .collect();
         let fit = match likelihood::fit(&cut, &options, progress) {
             Ok(fit) => fit,
@@ -166,7 +170,7 @@ pub(crate) fn fit_records(
         modes.sort_by(f64::total_cmp);
         let covariance = fit.covariance;
         let model = fit.model.clone();
-        found.fit = Some(fit);
+        found.fit = Some(fit.about(&-about));
         let Some(doubt) = doubt else {
             if let Ok(bound) = bound::bound(&cut, &model, rigid) {
                 found.over_bound = Some(ratio(&covariance, &bound));
@@ -190,11 +194,11 @@ pub(crate) fn fit_records(
     found
 }
 
-/// Mass and first moments about the reference point, where the band's method has all four.
-fn near(band: &Identification) -> Option<[f64; 4]> {
+/// Mass and first moments about a point, where the band's method has all four.
+fn near(band: &Identification, point: &Vector3<f64>) -> Option<[f64; 4]> {
     let mass = band.mass?.value;
     let [x, y, z] = band.centre_of_gravity;
-    let c = Vector3::new(x?.value, y?.value, z?.value) - band.reference;
+    let c = Vector3::new(x?.value, y?.value, z?.value) - point;
     Some([mass, mass * c.x, mass * c.y, mass * c.z])
 }
 

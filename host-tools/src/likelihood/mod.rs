@@ -5,6 +5,7 @@
 //! | --- | --- |
 //! | `record` | lines of a run and their noise |
 //! | `model` | apparent mass, leakage of a mode, derivatives |
+//! | `about` | the same about another point |
 //! | `lanes` | numbers of neighbouring lines side by side |
 //! | `resonances`, `batch` | a mode, and a whole model, beside neighbouring lines |
 //! | `leakage` | misfit, with what the ends of a record add |
@@ -21,6 +22,7 @@
 //! | `transform`, `noise` | records to lines, and what the drive does not explain |
 //! | `rigid` | σ to mass, centre of gravity and inertia |
 
+mod about;
 mod batch;
 pub mod bound;
 mod columns;

@@ -116,6 +116,35 @@ pub(super) fn load_cell(entry: &setup::LoadCellEntry) -> Result<LoadCell, Geomet
     )
 }
 
+/// Place of the specimen in a run.
+fn placement(run: &Run) -> Result<Placement, MeasureError> {
+    let placed = Placement::new(run.rotation.into(), run.translation.into());
+    placed.map_err(|source| MeasureError::Geometry {
+        run: run.name.clone(),
+        source,
+    })
+}
+
+/// Mean position of the accelerometers on the interface over all runs, in the specimen's frame, m.
+pub(super) fn middle_of_interface(setup: &Setup) -> Result<Vector3<f64>, MeasureError> {
+    let (mut sum, mut count) = (Vector3::zeros(), 0.0);
+    for run in &setup.runs {
+        let placement = placement(run)?;
+        for entry in &setup.accelerometers {
+            if entry.mount != Mount::Interface {
+                continue;
+            }
+            let sensor = accelerometer(entry).map_err(|source| MeasureError::Geometry {
+                run: run.name.clone(),
+                source,
+            })?;
+            sum += placement.accelerometer(&sensor).position();
+            count += 1.0;
+        }
+    }
+    Ok(sum / f64::max(count, 1.0))
+}
+
 impl RunGeometry {
     /// Builds the geometry of run `number` of the setup.
     ///
@@ -126,14 +155,26 @@ impl RunGeometry {
         number: usize,
         accelerations: &Accelerations,
     ) -> Result<Self, MeasureError> {
+        let reference = Vector3::from(setup.reference_point);
+        Self::about(setup, number, accelerations, reference)
+    }
+
+    /// The same about a point of the specimen, m.
+    ///
+    /// # Errors
+    /// As of [`RunGeometry::new`].
+    pub(super) fn about(
+        setup: &Setup,
+        number: usize,
+        accelerations: &Accelerations,
+        reference: Vector3<f64>,
+    ) -> Result<Self, MeasureError> {
         let run = &setup.runs[number];
         let wrong = |source| MeasureError::Geometry {
             run: run.name.clone(),
             source,
         };
-        let placement =
-            Placement::new(run.rotation.into(), run.translation.into()).map_err(wrong)?;
-        let reference = Vector3::from(setup.reference_point);
+        let placement = placement(run)?;
         let mut sensors = Vec::new();
         let mut channels = Vec::new();
         let mut scales = Vec::new();
@@ -209,6 +250,12 @@ impl RunGeometry {
     #[must_use]
     pub fn determined(&self) -> [f64; 6] {
         self.determined
+    }
+
+    /// `true` if the sensors tell all twelve resultants in full.
+    pub(super) fn is_complete(&self) -> bool {
+        let (accelerations, resultants) = self.seen();
+        accelerations.len() + resultants.len() == RESULTANTS
     }
 
     /// Names of the accelerations and of the resultants that the sensors tell in full.

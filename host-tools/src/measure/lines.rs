@@ -4,7 +4,7 @@
 //! sample with one drive. It is cut where samples are faulty, and into blocks of 2²⁰ samples where
 //! it is longer.
 
-use super::geometry::{RunGeometry, channel_names};
+use super::geometry::{RunGeometry, channel_names, middle_of_interface};
 use super::noise::Stated;
 use super::opened::drive_columns;
 use super::redundancy::Redundancy;
@@ -14,7 +14,7 @@ use crate::likelihood::noise::{self, Found};
 use crate::likelihood::{Complex6, Noise, Record, transform};
 use crate::setup::{Excitation, Setup};
 use massline_core::geometry::{RESULTANTS, ResultantNoise};
-use nalgebra::Complex;
+use nalgebra::{Complex, Vector3};
 
 /// Most samples of one transform.
 const MOST: usize = 1 << 20;
@@ -27,8 +27,11 @@ const REPORT_ROWS: u64 = 4096;
 
 /// Records of all random runs.
 pub struct Records {
-    /// One or more a run.
+    /// One or more a run, about the reference point A.
     pub records: Vec<Record>,
+    /// Middle of the accelerometers on the interface seen from A, m, about which their noise was estimated; `None` where
+    /// not all resultants are measured, and it was about A.
+    pub middle: Option<Vector3<f64>>,
     /// Source of their noise.
     pub origin: NoiseOrigin,
     /// Samples that lie in stretches too short to use, and faulty ones.
@@ -76,6 +79,16 @@ struct Stretch {
     signals: Vec<Vec<f32>>,
 }
 
+/// Middle of the accelerometers on the interface, m, where all resultants are measured in all runs.
+fn middle(setup: &Setup) -> Result<Option<Vector3<f64>>, MeasureError> {
+    for number in 0..setup.runs.len() {
+        if !RunGeometry::new(setup, number, &Accelerations::Interface)?.is_complete() {
+            return Ok(None);
+        }
+    }
+    middle_of_interface(setup).map(Some)
+}
+
 /// Signals of one run.
 struct Intake<'a> {
     setup: &'a Setup,
@@ -90,14 +103,21 @@ struct Intake<'a> {
 }
 
 impl<'a> Intake<'a> {
-    fn new(setup: &'a Setup, number: usize, drives: usize) -> Result<Self, NoRecords> {
+    /// With resultants about `middle`, or about A.
+    fn new(
+        setup: &'a Setup,
+        number: usize,
+        drives: usize,
+        middle: Option<Vector3<f64>>,
+    ) -> Result<Self, NoRecords> {
         let run = &setup.runs[number];
         if run.excitation != Excitation::Random {
             return Err(NoRecords::NotRandom {
                 run: run.name.clone(),
             });
         }
-        let geometry = RunGeometry::new(setup, number, &Accelerations::Interface)?;
+        let about = middle.unwrap_or(setup.reference_point.into());
+        let geometry = RunGeometry::about(setup, number, &Accelerations::Interface, about)?;
         let redundancy = if drives == 0 {
             Redundancy::new(setup, &geometry)
         } else {
@@ -247,8 +267,12 @@ fn white(noise: &ResultantNoise) -> Found {
     }
 }
 
-/// Joins the runs: noise by the same sensors is one where they agree.
-fn join(runs: Vec<(Vec<Record>, Found, NoiseOrigin, u64)>, warnings: &mut Vec<String>) -> Records {
+/// Joins the runs, which are about a point at `middle` from A: noise by the same sensors is one where they agree.
+fn join(
+    runs: Vec<(Vec<Record>, Found, NoiseOrigin, u64)>,
+    middle: Option<Vector3<f64>>,
+    warnings: &mut Vec<String>,
+) -> Records {
     let mut found: Vec<Found> = runs.iter().map(|(_, found, ..)| found.clone()).collect();
     noise::pool(&mut found);
     let left_out = runs.iter().map(|r| r.3).sum();
@@ -260,6 +284,12 @@ fn join(runs: Vec<(Vec<Record>, Found, NoiseOrigin, u64)>, warnings: &mut Vec<St
             ..record
         }));
     }
+    if let Some(r) = &middle {
+        records = records
+            .into_iter()
+            .map(|record| record.about(&-r))
+            .collect();
+    }
     if left_out > 0 {
         warnings.push(format!(
             "method ml: {left_out} samples are faulty or lie in short stretches between faulty ones, and are left out"
@@ -267,9 +297,15 @@ fn join(runs: Vec<(Vec<Record>, Found, NoiseOrigin, u64)>, warnings: &mut Vec<St
     }
     Records {
         records,
+        middle,
         origin,
         left_out,
     }
+}
+
+/// A point seen from A.
+fn from_a(setup: &Setup, point: Option<Vector3<f64>>) -> Option<Vector3<f64>> {
+    point.map(|p| p - Vector3::from(setup.reference_point))
 }
 
 /// Reads the random runs of a setup and transforms the lines in `band` (Hz).
@@ -283,10 +319,11 @@ pub fn read_records(
     warnings: &mut Vec<String>,
     progress: &mut dyn FnMut(Progress<'_>),
 ) -> Result<Records, NoRecords> {
+    let middle = middle(setup)?;
     let mut runs = Vec::new();
     let mut rate = None;
     for (number, run) in setup.runs.iter().enumerate() {
-        let mut intake = Intake::new(setup, number, run.references.len())?;
+        let mut intake = Intake::new(setup, number, run.references.len(), middle)?;
         let names = channel_names(setup, run);
         let mut recording = setup
             .open_recording(run, &names)
@@ -319,7 +356,7 @@ pub fn read_records(
         }
         runs.push(intake.finish(rate, band, warnings)?);
     }
-    Ok(join(runs, warnings))
+    Ok(join(runs, from_a(setup, middle), warnings))
 }
 
 /// The same from samples in memory.
@@ -332,6 +369,7 @@ pub(crate) fn sampled_records(
     runs: &[Samples<'_>],
     warnings: &mut Vec<String>,
 ) -> Result<Records, NoRecords> {
+    let middle = middle(setup)?;
     let rate = setup.processing.as_ref().and_then(|p| p.sample_rate);
     let mut all = Vec::new();
     for (number, (run, samples)) in setup.runs.iter().zip(runs).enumerate() {
@@ -339,7 +377,7 @@ pub(crate) fn sampled_records(
             run: run.name.clone(),
         })?;
         let drives = run.references.len().min(1);
-        let mut intake = Intake::new(setup, number, drives)?;
+        let mut intake = Intake::new(setup, number, drives, middle)?;
         let mut sample = vec![0.0_f32; samples.sensors.len()];
         for n in 0..samples.sensors.first().map_or(0, Vec::len) {
             for (slot, channel) in sample.iter_mut().zip(samples.sensors) {
@@ -350,5 +388,5 @@ pub(crate) fn sampled_records(
         }
         all.push(intake.finish(rate, band, warnings)?);
     }
-    Ok(join(all, warnings))
+    Ok(join(all, from_a(setup, middle), warnings))
 }
