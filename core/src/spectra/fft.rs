@@ -63,6 +63,10 @@ static TWIDDLES_OF_EIGHT: [[Complex32; 7]; BY_EIGHTS / 8] = {
     table
 };
 
+/// Pairs of the blocks of which the lines of one channel are made in the last pass: blocks of 256, to which 1024
+/// samples are decimated.
+const LINES_AT_ONCE: usize = 128;
+
 /// exp(-2πjk/n) of the first n/2 lines of the longest block, then of one half as long, and so on: a
 /// block reads its own one after the other.
 static HALF_CIRCLES: [Complex32; MAX_BLOCK_LENGTH] = {
@@ -123,16 +127,56 @@ pub(super) const fn circle(k: usize, n: usize) -> (f64, f64) {
     }
 }
 
-/// The transform of pairs of samples, each a complex number, of one channel or of several side by
-/// side. `ring` holds them, the oldest one at `head`; `work` is of half its length. Only the first
-/// `wanted` of its lines are sure to be right, and as many of the last ones, of which [`lines`] makes as many
-/// of the block.
+/// A transformed block.
+#[derive(Clone, Copy)]
+pub(super) enum Transformed<'z, L> {
+    /// Transformed pairs, of which [`lines`] makes lines.
+    Pairs(&'z [Complex<L>]),
+    /// The lines from 1 on, each twice as large.
+    Lines(&'z [Complex<L>]),
+}
+
+impl<L: Lane> Transformed<'_, L> {
+    /// Line `k` of the block, neither the line 0 nor the last one, twice as large; zero beyond.
+    #[inline(always)]
+    pub(super) fn line(self, k: usize) -> Complex<L> {
+        match self {
+            Self::Pairs(z) => lines(z, k).next(),
+            Self::Lines(z) => z.get(k).copied(),
+        }
+        .unwrap_or_default()
+    }
+}
+
+/// The transform of a block of samples of one channel or of several side by side. `ring` holds them, the oldest
+/// one at `head`; `work` is of half its length. Only the first `wanted` lines of the block are sure to be right.
 #[cfg_attr(not(target_os = "none"), inline(always))] // Its caller says for which processor.
-pub(super) fn transform_pairs<L: Lane>(
+pub(super) fn transform<'w, L: Lane>(
+    ring: &[L],
+    head: usize,
+    work: &'w mut [Complex<L>],
+    wanted: usize,
+) -> Transformed<'w, L> {
+    // One channel at a time has registers for the last pass and the lines together.
+    let at_once = L::WIDTH == 1 && work.len() == LINES_AT_ONCE && wanted <= LINES_AT_ONCE / 2 + 2;
+    transform_pairs(ring, head, work, wanted, at_once);
+    if at_once {
+        combine_to_lines(work);
+        Transformed::Lines(work)
+    } else {
+        Transformed::Pairs(work)
+    }
+}
+
+/// The transform of pairs of samples, each a complex number. Only the first `wanted` of its lines are sure to be
+/// right, and as many of the last ones. The last pass is left out, if it is to be `unfinished`.
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn transform_pairs<L: Lane>(
     ring: &[L],
     head: usize,
     work: &mut [Complex<L>],
     wanted: usize,
+    unfinished: bool,
 ) {
     let half = work.len();
     let is_odd = half.trailing_zeros() % 2 == 1;
@@ -155,6 +199,7 @@ pub(super) fn transform_pairs<L: Lane>(
     let mut length = radix;
     while length < half {
         match length {
+            _ if 4 * length == half && unfinished => return,
             _ if 4 * length == half && wanted <= length => combine_ends(work, wanted),
             8 if alone => combine_eights(work),
             32 if alone => combine::<L, 32>(work),
@@ -481,6 +526,61 @@ fn combine_ends<L: Lane>(work: &mut [Complex<L>], wanted: usize) {
     }
 }
 
+/// Combines the last four transforms of 32 pairs, and makes the lines of the block of them, from 1 to 65: each in its
+/// place, twice as large. The bits are those of lines made afterwards.
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn combine_to_lines<L: Lane>(work: &mut [Complex<L>]) {
+    const QUARTER: usize = LINES_AT_ONCE / 4;
+    let factors_of_fours = TWIDDLES.as_chunks::<{ BUTTERFLIES / QUARTER }>().0;
+    let ([work], [factors, ..], [factors_of_fours]) = (
+        work.as_chunks_mut::<LINES_AT_ONCE>().0,
+        factors_of_lines(LINES_AT_ONCE)
+            .as_chunks::<{ 2 * QUARTER + 2 }>()
+            .0,
+        factors_of_fours.as_chunks::<QUARTER>().0,
+    ) else {
+        return;
+    };
+    let four = |work: &[Complex<L>; LINES_AT_ONCE], k: usize, w: &[Complex32; 3]| {
+        let k = k % QUARTER;
+        let a = work[k];
+        let (b, c, d) = (
+            work[QUARTER + k],
+            work[2 * QUARTER + k],
+            work[3 * QUARTER + k],
+        );
+        twiddled([a, b, c, d], w)
+    };
+    // Of the pairs k, 32 + k, 64 + k and 96 + k, and of the same with 32 - k in place of k, whose factors are those
+    // of k in the mirror.
+    let [_, a, b, c] = four(work, 0, &factors_of_fours[0][0]);
+    work[QUARTER] = line(a, c, factors[QUARTER]);
+    work[2 * QUARTER] = line(b, b, factors[2 * QUARTER]);
+    for k in 1..QUARTER / 2 {
+        let l = QUARTER - k;
+        let [w @ [u, v, x], ..] = &factors_of_fours[k];
+        let mirrored = [
+            Complex32::new(-u.im, -u.re),
+            Complex32::new(-v.re, v.im),
+            Complex32::new(x.im, x.re),
+        ];
+        let [a, b, c, d] = four(work, k, w);
+        let [e, f, g, h] = four(work, l, &mirrored);
+        let (near, far) = (factors[k], factors[QUARTER + k]);
+        work[k] = line(a, h, near);
+        work[QUARTER + l] = line(f, c, Complex32::new(-near.im, -near.re));
+        work[QUARTER + k] = line(b, g, far);
+        work[l] = line(e, d, Complex32::new(-far.im, -far.re));
+        if k == 1 {
+            work[2 * QUARTER + 1] = line(c, f, factors[2 * QUARTER + 1]);
+        }
+    }
+    let [a, b, c, d] = four(work, QUARTER / 2, &factors_of_fours[QUARTER / 2][0]);
+    work[QUARTER / 2] = line(a, d, factors[QUARTER / 2]);
+    work[QUARTER + QUARTER / 2] = line(b, c, factors[QUARTER + QUARTER / 2]);
+}
+
 /// Combines transforms of `length` lines by fours.
 #[cfg_attr(target_os = "none", inline(never))]
 #[cfg_attr(not(target_os = "none"), inline(always))]
@@ -547,12 +647,7 @@ fn pairs<L: Lane, const BATCH: usize>(
     z: &[Complex<L>],
     first: usize,
 ) -> impl Iterator<Item = Batch<'_, L, BATCH>> {
-    let n = 2 * z.len();
-    // There are MAX_BLOCK_LENGTH / 2 + MAX_BLOCK_LENGTH / 4 + … before.
-    let begin = MAX_BLOCK_LENGTH.saturating_sub(n);
-    let factors = HALF_CIRCLES
-        .get(begin + first..begin + n / 2)
-        .unwrap_or_default();
+    let factors = factors_of_lines(z.len()).get(first..).unwrap_or_default();
     let up = z.get(first..).unwrap_or_default();
     // Chunks rather than a reversal, whose end would be computed anew for each.
     let down = z
@@ -560,6 +655,14 @@ fn pairs<L: Lane, const BATCH: usize>(
         .unwrap_or_default()
         .rchunks_exact(BATCH.max(1));
     up.as_chunks().0.iter().zip(down).zip(factors.as_chunks().0)
+}
+
+/// The factors of all lines that are made of so many pairs.
+#[inline(always)]
+fn factors_of_lines(pairs: usize) -> &'static [Complex32] {
+    // There are MAX_BLOCK_LENGTH / 2 + MAX_BLOCK_LENGTH / 4 + … before.
+    let begin = MAX_BLOCK_LENGTH.saturating_sub(2 * pairs);
+    HALF_CIRCLES.get(begin..begin + pairs).unwrap_or_default()
 }
 
 /// The line k of the pairs `up`, k, and `down`, N/2 - k: the transforms of the even samples and of the odd
@@ -598,10 +701,9 @@ mod tests {
                 let mut ring = samples.clone();
                 ring.rotate_right(head);
                 let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
-                transform_pairs(&ring, head, &mut work, n / 2);
+                let z = transform(&ring, head, &mut work, n / 2);
                 for first in [1, n / 4, n / 2 - 1] {
-                    let found: Vec<_> = lines(&work, first).take(n / 2 - first).collect();
-                    assert_eq!(found.len(), n / 2 - first);
+                    let found: Vec<_> = (first..n / 2).map(|k| z.line(k)).collect();
                     // Of long ones some, since the sums take long.
                     for (k, found) in found.iter().enumerate().step_by(((n * n) >> 20) | 1) {
                         let k = first + k;
@@ -632,11 +734,14 @@ mod tests {
                 .collect();
             let lines = |wanted: usize| -> Vec<_> {
                 let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
-                transform_pairs(&samples, 0, &mut work, wanted);
-                lines(&work, 1).take(wanted - 1).collect()
+                let z = transform(&samples, 0, &mut work, wanted);
+                (1..wanted).map(|k| z.line(k)).collect()
             };
             let all = lines(n / 2);
-            for wanted in [2, n / 32 + 1, n / 16, n / 16 + 2, n / 8 - 1, n / 8] {
+            let some = [2, n / 32 + 1, n / 16, n / 16 + 2, n / 8 - 1, n / 8];
+            // Of 256 these are made in the last pass, but for the last one.
+            let more = [n / 4 - 1, n / 4, n / 4 + 1, n / 4 + 2, n / 4 + 3];
+            for wanted in some.into_iter().chain(more) {
                 let wanted = wanted.max(2);
                 assert_eq!(lines(wanted)[..], all[..wanted - 1], "{wanted} of {n}");
             }
@@ -660,9 +765,10 @@ mod tests {
                 .collect();
             let expected = theirs(&samples);
             let mut work = vec![Complex32::new(0.0, 0.0); n / 2];
-            transform_pairs(&samples, 0, &mut work, n / 2);
+            let z = transform(&samples, 0, &mut work, n / 2);
             let rms = samples.iter().map(|x| x * x).sum::<f32>().sqrt();
-            for (k, found) in (1..).zip(lines(&work, 1).take(n / 2 - 1)) {
+            for k in 1..n / 2 {
+                let found = z.line(k);
                 let [re, im] = expected[k];
                 let off = (found.re / 2.0 - re).hypot(found.im / 2.0 - im);
                 // Both round as above.

@@ -1,7 +1,7 @@
 //! The last block's worth of samples of every channel, and their transforms.
 
 use super::decimate::Decimator;
-use super::fft::{lines, lines_by_twos, transform_pairs};
+use super::fft::{Transformed, lines, lines_by_twos, transform};
 use super::lane::{Complex, Lane, Row, plus, scaled};
 use super::settings::{BlockSettings, enough};
 use super::wide::{plainly, widely};
@@ -224,17 +224,17 @@ pub(super) fn block_lines<L: Lane>(
     // Those beside the last kept one, too.
     let grid = settings.grid();
     let wanted = grid.first + grid.count + settings.window().reach();
-    transform_pairs(ring, head, work, wanted);
-    settings.window_lines(work, kept);
+    let transformed = transform(ring, head, work, wanted);
+    settings.window_lines(transformed, kept);
 }
 
 impl BlockSettings {
-    /// The kept lines of the block whose transformed pairs are `z`, under the window.
+    /// The kept lines of a transformed block, under the window.
     ///
     /// The mean under the window is taken out: what makes the windowed line 0 vanish. The plain mean
     /// would let a strong resonance leak in, unwindowed, and leave it in the lowest lines.
     #[cfg_attr(not(target_os = "none"), inline(always))]
-    fn window_lines<L: Lane>(&self, z: &[Complex<L>], kept: &mut [Complex32]) {
+    fn window_lines<L: Lane>(&self, z: Transformed<'_, L>, kept: &mut [Complex32]) {
         let (grid, coefficients) = (self.grid(), self.window().coefficients());
         let count = grid.count;
         // The lines come twice as large, and the filters' gain is two a stage.
@@ -253,11 +253,10 @@ impl BlockSettings {
             [c0, c1] => {
                 let (own, beside) = (c0 * gain, -0.5 * c1 * gain);
                 // The line before the first one is the mean, or one that is not kept.
-                let mut from = lines(z, grid.first.max(2) - 1);
-                let mut before = from.next().unwrap_or_default();
+                let mut before = z.line(grid.first.max(2) - 1);
                 let mut line = before;
                 if grid.first > 1 {
-                    line = from.next().unwrap_or_default();
+                    line = z.line(grid.first);
                 } else {
                     before = Complex::new(line.re.times(c1 / c0), L::default());
                 }
@@ -275,7 +274,7 @@ impl BlockSettings {
                 );
             }
             _ => {
-                let at = |k: usize| lines(z, k).next().unwrap_or_default();
+                let at = |k: usize| z.line(k);
                 let mut others = L::default();
                 for (i, c) in coefficients.iter().enumerate().skip(1) {
                     others = others.plus(at(i).re.times(if i % 2 == 1 { *c } else { -c }));
@@ -314,22 +313,46 @@ impl BlockSettings {
 /// takes fewer moves and ends of loops.
 #[cfg_attr(not(target_os = "none"), inline(always))]
 fn keep_lines<L: Lane>(
-    z: &[Complex<L>],
+    z: Transformed<'_, L>,
     first: usize,
     (kept, count): (&mut [Complex32], usize),
-    mut windowed: impl FnMut(Complex<L>) -> Complex<L>,
+    windowed: impl FnMut(Complex<L>) -> Complex<L>,
 ) {
     let by_twos = if L::WIDTH == 1 { count & !1 } else { 0 };
+    let kept = (kept, count, by_twos);
+    match z {
+        Transformed::Pairs(z) => keep_batches(
+            lines_by_twos(z, first),
+            lines(z, first + by_twos),
+            kept,
+            windowed,
+        ),
+        Transformed::Lines(z) => {
+            let from = z.get(first..).unwrap_or_default();
+            let rest = from.iter().copied().skip(by_twos);
+            keep_batches(from.as_chunks().0.iter().copied(), rest, kept, windowed);
+        }
+    }
+}
+
+/// The same of lines two at a time, as many as `by_twos`, and of those behind them.
+#[cfg_attr(not(target_os = "none"), inline(always))]
+fn keep_batches<L: Lane>(
+    twos: impl Iterator<Item = [Complex<L>; 2]>,
+    rest: impl Iterator<Item = Complex<L>>,
+    (kept, count, by_twos): (&mut [Complex32], usize, usize),
+    mut windowed: impl FnMut(Complex<L>) -> Complex<L>,
+) {
     if by_twos > 0 {
         let twos = L::each(
-            lines_by_twos(z, first),
+            twos,
             #[inline(always)]
             |[a, b]| [windowed(a), windowed(b)],
         );
         L::keep(twos, kept, count, 0);
     }
     let rest = L::each(
-        lines(z, first + by_twos),
+        rest,
         #[inline(always)]
         |line| [windowed(line)],
     );
