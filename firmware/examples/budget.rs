@@ -537,8 +537,8 @@ mod on_chip {
         }
         let mut take = |times: usize| {
             for _ in 0..times {
-                for sample in &noise {
-                    if let Some(block) = blocks.push(black_box(sample)) {
+                for sample in black_box(&noise) {
+                    if let Some(block) = blocks.push(sample) {
                         average.add(&block);
                     }
                 }

@@ -309,50 +309,46 @@ impl BlockSettings {
     }
 }
 
-/// Keeps `windowed` of `count` lines from `first` on. Those of one channel are computed two at a time, which
+/// Keeps `windowed` of `count` lines from `first` on. Those of one channel are computed two or four at a time, which
 /// takes fewer moves and ends of loops.
 #[cfg_attr(not(target_os = "none"), inline(always))]
 fn keep_lines<L: Lane>(
     z: Transformed<'_, L>,
     first: usize,
     (kept, count): (&mut [Complex32], usize),
-    windowed: impl FnMut(Complex<L>) -> Complex<L>,
-) {
-    let by_twos = if L::WIDTH == 1 { count & !1 } else { 0 };
-    let kept = (kept, count, by_twos);
-    match z {
-        Transformed::Pairs(z) => keep_batches(
-            lines_by_twos(z, first),
-            lines(z, first + by_twos),
-            kept,
-            windowed,
-        ),
-        Transformed::Lines(z) => {
-            let from = z.get(first..).unwrap_or_default();
-            let rest = from.iter().copied().skip(by_twos);
-            keep_batches(from.as_chunks().0.iter().copied(), rest, kept, windowed);
-        }
-    }
-}
-
-/// The same of lines two at a time, as many as `by_twos`, and of those behind them.
-#[cfg_attr(not(target_os = "none"), inline(always))]
-fn keep_batches<L: Lane>(
-    twos: impl Iterator<Item = [Complex<L>; 2]>,
-    rest: impl Iterator<Item = Complex<L>>,
-    (kept, count, by_twos): (&mut [Complex32], usize, usize),
     mut windowed: impl FnMut(Complex<L>) -> Complex<L>,
 ) {
+    let z = match z {
+        Transformed::Pairs(z) => z,
+        Transformed::Lines(z) => {
+            let from = z.get(first..).unwrap_or_default();
+            let by_fours = count & !3;
+            let fours = L::each(
+                from.as_chunks().0.iter(),
+                #[inline(always)]
+                |[a, b, c, d]| [windowed(*a), windowed(*b), windowed(*c), windowed(*d)],
+            );
+            L::keep(fours, kept, count, 0);
+            let rest = L::each(
+                from.iter().skip(by_fours),
+                #[inline(always)]
+                |line| [windowed(*line)],
+            );
+            L::keep(rest, kept, count, by_fours);
+            return;
+        }
+    };
+    let by_twos = if L::WIDTH == 1 { count & !1 } else { 0 };
     if by_twos > 0 {
         let twos = L::each(
-            twos,
+            lines_by_twos(z, first),
             #[inline(always)]
             |[a, b]| [windowed(a), windowed(b)],
         );
         L::keep(twos, kept, count, 0);
     }
     let rest = L::each(
-        rest,
+        lines(z, first + by_twos),
         #[inline(always)]
         |line| [windowed(line)],
     );

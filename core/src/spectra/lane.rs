@@ -46,10 +46,20 @@ macro_rules! row {
             #[inline(always)]
             fn store<const N: usize>(queues: &mut [[Self; N]], at: usize, sample: &[f32]) {
                 let (groups, rest) = sample.as_chunks::<$n>();
-                for (queue, x) in queues.iter_mut().zip(groups) {
-                    // Never beyond the queue, which needs no check then.
+                // Never beyond the queue, which needs no check then.
+                let put = |queue: &mut [Self; N], x: &Self| {
                     if let Some(row) = queue.get_mut(at % N) {
                         *row = *x;
+                    }
+                };
+                // Those of twelve channels are written out, since a loop would take half as long again.
+                if let ([a, b, c, ..], [x, y, z]) = (&mut *queues, groups) {
+                    put(a, x);
+                    put(b, y);
+                    put(c, z);
+                } else {
+                    for (queue, x) in queues.iter_mut().zip(groups) {
+                        put(queue, x);
                     }
                 }
                 if !rest.is_empty()
