@@ -109,18 +109,24 @@ impl<'s> CrossAverage<'s> {
     }
 }
 
-/// Indices of the real and the imaginary part of the pair i < j. Rows of the matrix lie by twos: the
-/// product of their channels with each other, then the real parts of those of the first one with all
-/// later ones, their imaginary parts, and the same of the second one.
+/// Rows of the matrix that are added together, which share what is loaded.
+const ROWS: usize = 4;
+
+/// Indices of the real and the imaginary part of the pair i < j. Rows of the matrix lie by fours: the
+/// products of their channels with each other, then the real parts of those of the first one with all
+/// later ones, their imaginary parts, and the same of the others.
 const fn pair(i: usize, j: usize) -> (usize, usize) {
-    let two = i - i % 2;
+    let four = i - i % ROWS;
     // Each row r before has the two parts of 11 - r products.
-    let before = RESULTANTS + two * (2 * RESULTANTS - two - 1);
-    if i == two && j == i + 1 {
-        return (before, before + 1);
+    let before = RESULTANTS + four * (2 * RESULTANTS - four - 1);
+    let (i, j) = (i - four, j - four);
+    if j < ROWS {
+        // 0 1, 0 2, 0 3, 1 2, 1 3 and 2 3.
+        let own = before + 2 * (i * (2 * ROWS - 1 - i) / 2 + j - i - 1);
+        return (own, own + 1);
     }
-    let later = RESULTANTS - two - 2;
-    let re = before + 2 + (i - two) * 2 * later + j - two - 2;
+    let later = RESULTANTS - four - ROWS;
+    let re = before + ROWS * (ROWS - 1) + i * 2 * later + j - ROWS;
     (re, re + later)
 }
 
@@ -161,11 +167,7 @@ impl Average for CrossAverage<'_> {
             written_out!(0 1 2 3 4 5 6 7 8 9 10 11: for ((re, im), z) in channels => {
                 (*re, *im) = (z.re, z.im);
             });
-            let channels = auto.iter_mut().zip(re.iter().zip(im.iter()));
-            written_out!(0 1 2 3 4 5 6 7 8 9 10 11: for (carry, (re, im)) in channels => {
-                *carry = less(*carry, [*re, *re], [*im, *im]);
-            });
-            add_pairs(&x, cross);
+            add_products(&x, auto, cross);
         }
         self.blocks = self.blocks.saturating_add(1);
     }
@@ -175,61 +177,83 @@ impl Average for CrossAverage<'_> {
     }
 }
 
-/// Adds the products of all pairs at one line: of the real parts of the channels, and the imaginary ones.
-fn add_pairs(x: &[[f32; RESULTANTS]; 2], carries: &mut [f32]) {
+/// Adds the products of all channels at one line, each with itself and all pairs: of the real parts of the
+/// channels, and the imaginary ones.
+fn add_products(x: &[[f32; RESULTANTS]; 2], auto: &mut [f32; RESULTANTS], cross: &mut [f32]) {
     // Written out, so that lengths are known to the compiler.
-    let mut rest = carries;
-    rest = add_two_rows::<10>(x, rest);
-    rest = add_two_rows::<8>(x, rest);
-    rest = add_two_rows::<6>(x, rest);
-    rest = add_two_rows::<4>(x, rest);
-    rest = add_two_rows::<2>(x, rest);
-    add_two_rows::<0>(x, rest);
+    let ([first, second, third], _) = auto.as_chunks_mut::<ROWS>() else {
+        return;
+    };
+    let mut rest = cross;
+    rest = add_four_rows::<8>(x, first, rest);
+    rest = add_four_rows::<4>(x, second, rest);
+    add_four_rows::<0>(x, third, rest);
 }
 
-/// Adds the products of two rows of the matrix, which share what is loaded: of the two channels before
-/// the last `N`, with each other and with those. Returns the carries of the rows after them.
+/// Adds the products of four rows of the matrix: of the four channels before the last `N`, each with itself, with
+/// each other and with those. Returns the carries of the rows after them.
 #[inline(always)]
-fn add_two_rows<'s, const N: usize>(
+fn add_four_rows<'s, const N: usize>(
     [re, im]: &[[f32; RESULTANTS]; 2],
+    auto: &mut [f32; ROWS],
     carries: &'s mut [f32],
 ) -> &'s mut [f32] {
-    let two = RESULTANTS - N - 2;
-    let channel = |c: usize| Some((*re.get(c)?, *im.get(c)?));
-    let (Some((a, b)), Some((c, d))) = (channel(two), channel(two + 1)) else {
+    let first = RESULTANTS - N - ROWS;
+    let rows = |of: &[f32; RESULTANTS]| of.get(first..)?.first_chunk::<ROWS>().copied();
+    let (Some(rows_re), Some(rows_im)) = (rows(re), rows(im)) else {
         return carries;
     };
     let (Some(re), Some(im)) = (re.last_chunk::<N>(), im.last_chunk::<N>()) else {
         return carries;
     };
-    let Some(([own_re, own_im], rest)) = carries.split_first_chunk_mut() else {
+    let ([a, b, c, d], [e, f, g, h]) = (rows_re, rows_im);
+    let (a, b, c, d) = ((a, e), (b, f), (c, g), (d, h));
+    let [of_a, of_b, of_c, of_d] = auto;
+    add_power(of_a, a);
+    add_power(of_b, b);
+    add_power(of_c, c);
+    add_power(of_d, d);
+    let Some((own, mut rest)) = carries.split_first_chunk_mut::<{ ROWS * (ROWS - 1) }>() else {
         return &mut [];
     };
-    add_product((own_re, own_im), (a, b), (c, d));
-    let mut rest = rest;
+    let [p, q, r, s, t, u, v, w, x, y, z, last] = own;
+    add_product((p, q), a, b);
+    add_product((r, s), a, c);
+    add_product((t, u), a, d);
+    add_product((v, w), b, c);
+    add_product((x, y), b, d);
+    add_product((z, last), c, d);
     let mut take = || {
         let (part, others) = core::mem::take(&mut rest).split_first_chunk_mut::<N>()?;
         rest = others;
         Some(part)
     };
-    if let (Some(p), Some(q), Some(r), Some(s)) = (take(), take(), take(), take()) {
-        // Two columns at a time.
-        let columns = re.as_chunks::<2>().0.iter().zip(im.as_chunks::<2>().0);
-        let (p, q) = (p.as_chunks_mut::<2>().0, q.as_chunks_mut::<2>().0);
-        let (r, s) = (r.as_chunks_mut::<2>().0, s.as_chunks_mut::<2>().0);
-        let sums = p.iter_mut().zip(q).zip(r.iter_mut().zip(s));
-        let columns = columns.zip(sums);
+    let mut both = || Some((take()?, take()?));
+    if let (Some((p, q)), Some((r, s)), Some((t, u)), Some((v, w))) =
+        (both(), both(), both(), both())
+    {
+        let (first, second) = (p.iter_mut().zip(q), r.iter_mut().zip(s));
+        let (third, fourth) = (t.iter_mut().zip(u), v.iter_mut().zip(w));
+        let sums = first.zip(second).zip(third.zip(fourth));
+        let columns = re.iter().zip(im).zip(sums);
         written_out!(
-            0 1 2 3 4:
-            for (([e, f], [g, h]), (([p, t], [q, u]), ([r, v], [s, w]))) in columns => {
-                add_product((p, q), (a, b), (*e, *g));
-                add_product((r, s), (c, d), (*e, *g));
-                add_product((t, u), (a, b), (*f, *h));
-                add_product((v, w), (c, d), (*f, *h));
+            0 1 2 3 4 5 6 7:
+            for ((re, im), ((p, q), (r, s))) in columns => {
+                let column = (*re, *im);
+                add_product(p, a, column);
+                add_product(q, b, column);
+                add_product(r, c, column);
+                add_product(s, d, column);
             }
         );
     }
     rest
+}
+
+/// Adds x x*.
+#[inline(always)]
+fn add_power(sum: &mut f32, x: (f32, f32)) {
+    *sum = less(*sum, [x.0, x.0], [x.1, x.1]);
 }
 
 /// Adds x y*.
