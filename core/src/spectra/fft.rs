@@ -1,7 +1,8 @@
 //! Transforms of real blocks in fixed memory: N samples as N/2 complex ones.
 //!
 //! Radix 4, of blocks of 1024 radix 8, decimation in time, after a first pass of radix 8 or 4 that reads the
-//! samples where they lie; none checks a bound in its inner loop. It is our own, since the blocks of twelve
+//! samples where they lie; none checks a bound in its inner loop. On the chip the last pass over blocks of 256
+//! makes the lines, too. It is our own, since the blocks of twelve
 //! channels are most of what the chip does: microfft 0.6 takes three times as many instructions for the same
 //! lines.
 
