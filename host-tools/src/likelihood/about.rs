@@ -69,3 +69,80 @@ impl Fit {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::likelihood::{FittedMode, Noise};
+    use massline_core::rigid_body::{Inertia, RigidBody};
+    use nalgebra::Vector6;
+
+    fn body() -> RigidBody {
+        RigidBody {
+            mass: 3.0,
+            centre_of_gravity: Vector3::new(0.1, -0.2, 0.3),
+            inertia: Inertia::from_terms([0.5, 0.6, 0.7, 0.05, -0.04, 0.03]),
+        }
+    }
+
+    fn model() -> Model {
+        let mut model = Model::rigid(sigma_of(&body().mass_matrix(&Vector3::zeros())), 60.0, 1);
+        let participation = Vector6::new(0.5, -0.3, 0.2, 0.1, 0.4, -0.6);
+        model.push(FittedMode::new(40.0, 0.01, participation));
+        model.set_upper_matrix(&Matrix6::from_fn(|i, j| {
+            0.1 + ((i + 1) * (j + 1)) as f64 * 0.01
+        }));
+        model
+    }
+
+    const SHIFT: Vector3<f64> = Vector3::new(0.7, -2.0, 3.0);
+
+    /// The rigid body of a moved model is that of equation (1) about the other point, and back it is what it was.
+    #[test]
+    fn a_moved_model_is_of_the_same_body() {
+        let moved = model().about(&SHIFT);
+        let expected = body().mass_matrix(&SHIFT);
+        // A few roundings of numbers up to forty.
+        assert!((moved.rigid_matrix() - expected).norm() < 1e-13);
+        let back = moved.about(&-SHIFT);
+        for (a, b) in back.rigid.iter().zip(model().rigid) {
+            assert!((a - b).abs() < 1e-13, "{a} {b}");
+        }
+    }
+
+    /// Moved forces follow from moved accelerations by the moved model, at a frequency where the mode counts; the
+    /// noise of a residual is that of the moved residual.
+    #[test]
+    fn moved_records_follow_the_moved_model() {
+        let model = model();
+        let base = Vector6::from_fn(|i, _| Complex::new(i as f64 - 2.0, 0.5 * i as f64));
+        let noise = Noise {
+            base: Matrix6::from_diagonal(&Vector6::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)),
+            force: Matrix6::from_diagonal(&Vector6::new(6.0, 5.0, 4.0, 3.0, 2.0, 1.0)),
+        };
+        let record = Record {
+            run: 0,
+            frequencies: vec![39.0],
+            base: vec![base],
+            force: vec![model.at(0, 39.0) * base],
+            noise,
+            level: Vec::new(),
+            equations: Matrix6::identity(),
+        };
+        let spread = |record: &Record, model: &Model| {
+            let m = model.at(0, 39.0);
+            let complex = |m: Matrix6<f64>| m.map(Complex::from);
+            complex(record.noise.force) + m * complex(record.noise.base) * m.adjoint()
+        };
+        let before = spread(&record, &model);
+        let (record, model) = (record.about(&SHIFT), model.about(&SHIFT));
+        let expected = model.at(0, 39.0) * record.base[0];
+        let off = (record.force[0] - expected).norm() / expected.norm();
+        assert!(off < 1e-14, "{off}");
+        // Tᵀ N_B T = N_A.
+        let carry = carry(&SHIFT).map(Complex::from);
+        let back = carry.adjoint() * spread(&record, &model) * carry;
+        let off = (back - before).norm() / before.norm();
+        assert!(off < 1e-12, "{off}");
+    }
+}
