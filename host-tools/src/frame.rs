@@ -5,7 +5,7 @@
 //! covariances are carried by the exact Jacobian.
 
 use crate::format::plain;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Origin and axes of a frame, in the coordinates that it is stated in.
@@ -35,6 +35,15 @@ fn terms(t: &Matrix3<f64>) -> [f64; 6] {
         products[1],
         products[2],
     ]
+}
+
+/// The transform [I | -skew(r); 0 | I] that carries the motion of a frame's origin to
+/// the point r (m) of the same rigid body; its transpose carries resultants back.
+pub(crate) fn shift(r: &Vector3<f64>) -> Matrix6<f64> {
+    let mut transform = Matrix6::identity();
+    let turned = -r.cross_matrix();
+    transform.fixed_view_mut::<3, 3>(0, 3).copy_from(&turned);
+    transform
 }
 
 impl Default for Frame {

@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3, Vector6};
 
 use super::model::Table;
 use super::random::Stream;
-use super::specimen::{motion_row, shift, stack};
+use super::specimen::{motion_row, stack};
+use crate::frame::shift;
 use crate::setup::{LoadCellEntry, Quantity};
 
 /// The rotation by the vector's length in degrees about its direction (Rodrigues).
@@ -15,7 +16,7 @@ pub(super) fn rotation_matrix(degrees: &[f64; 3]) -> Matrix3<f64> {
         return Matrix3::identity();
     }
     let axis = vector / angle;
-    let cross = super::specimen::skew(&axis);
+    let cross = axis.cross_matrix();
     let (sin, cos) = libm::sincos(angle);
     Matrix3::identity() + cross * sin + cross * cross * (1.0 - cos)
 }

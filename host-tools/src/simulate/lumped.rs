@@ -9,7 +9,8 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Deserializer};
 
-use super::specimen::{Mode, Specimen, motion_row, shift};
+use super::specimen::{Mode, Specimen, motion_row};
+use crate::frame::shift;
 use crate::setup::keys::{self, outside};
 
 /// One rigid body.

@@ -37,8 +37,8 @@ use nalgebra::{Complex, Matrix6, Vector3, Vector6};
 pub use error::{ModelError, SimulationError};
 pub use model::{Measurement, Model, MotionSensor, Plan, Resonance, Shaking, Table};
 pub(crate) use random::Stream;
+pub(crate) use specimen::motion_row;
 pub use specimen::{Mode, Specimen};
-pub(crate) use specimen::{motion_row, shift};
 pub use truth::{Bound, InertiaTruth, ModeTruth, Truth};
 
 use crate::recording::{Form, Preamble};

@@ -12,7 +12,8 @@
 //! which is the apparent mass M(ω) of a base-excited structure, its modes scaled to unit
 //! modal mass. L_rᵀ L_r is the effective mass matrix of mode r.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use crate::frame::shift;
+use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// An elastic structure as its interface sees it.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,19 +87,6 @@ pub(crate) fn motion_row(position: &Vector3<f64>, direction: &Vector3<f64>) -> V
 /// A translation and a rotation, or a force and a moment, as one vector of six.
 pub(super) fn stack(upper: &Vector3<f64>, lower: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(upper.x, upper.y, upper.z, lower.x, lower.y, lower.z)
-}
-
-/// The cross-product matrix: skew(r) v = r × v.
-pub(super) fn skew(r: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::new(0.0, -r.z, r.y, r.z, 0.0, -r.x, -r.y, r.x, 0.0)
-}
-
-/// The transform [I | -skew(r); 0 | I] that carries the motion of a frame's origin to
-/// the point r (m) of the same rigid body; its transpose carries resultants back.
-pub(crate) fn shift(r: &Vector3<f64>) -> Matrix6<f64> {
-    let mut transform = Matrix6::identity();
-    transform.fixed_view_mut::<3, 3>(0, 3).copy_from(&-skew(r));
-    transform
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Random structures on random interfaces: what a test may have on its table.
 
 use super::chance::Chance;
+use crate::frame::shift;
 use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity};
-use crate::simulate::{Mode, MotionSensor, Specimen, shift};
+use crate::simulate::{Mode, MotionSensor, Specimen};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 /// A structure and how large it is.

@@ -1,5 +1,6 @@
 //! Gradient, leakage and bound beside independent computations.
 
+mod about;
 mod directions;
 
 use super::descent::{Freedom, OFFSET, Problem};

@@ -1,9 +1,10 @@
 //! Random test plans.
 
 use super::tell::Excited;
+use crate::frame::shift;
 use crate::setup::{AccelerometerEntry, LoadCellEntry, Mount, Quantity};
 use crate::simulate::{
-    Measurement, Model, MotionSensor, Plan, Shaking, Table, motion_row, motions, shift,
+    Measurement, Model, MotionSensor, Plan, Shaking, Table, motion_row, motions,
 };
 use crate::study::chance::Chance;
 use crate::study::structures::{Structure, elastic, load_cells, rigid, ring, triad};

@@ -208,8 +208,7 @@ fn try_one(seed: u64) -> Result<Tried, PlansError> {
         };
         let trial = Trial::new(drawn.model.clone(), seed, &drawn.conditions).map_err(failed)?;
         let runs = draw::excited(&drawn, &trial, seed);
-        let to_origin =
-            crate::simulate::shift(&-nalgebra::Vector3::from(drawn.model.reference_point));
+        let to_origin = crate::frame::shift(&-nalgebra::Vector3::from(drawn.model.reference_point));
         let body = to_origin.tr_mul(&(drawn.model.specimen.mass_matrix * to_origin));
         let weighed = drawn.conditions.weighed;
         let told = match tell(&runs, &body, drawn.size(), weighed) {
