@@ -317,6 +317,7 @@ mod tests {
         for window in [Window::Rectangular, Window::Hann, Window::FlatTop] {
             for (length, overlap, lines) in [
                 (1024, 0.5, 64.0),
+                (1024, 0.5, 63.0),
                 (1024, 0.3, 130.0),
                 (512, 0.9, 200.0),
                 (256, 0.7, 3.0),
