@@ -4,6 +4,8 @@ use super::history::{Compiled, Rings};
 use super::lane::Complex;
 use super::settings::{BlockSettings, enough};
 use super::{Complex32, SpectraError};
+use crate::geometry::RESULTANTS;
+use core::iter::zip;
 
 /// The spectra of one block: for every channel the kept lines.
 #[derive(Clone, Copy, Debug)]
@@ -21,11 +23,36 @@ impl<'a> BlockSpectra<'a> {
             .unwrap_or(&[])
     }
 
-    /// The kept line `k` of all channels, one after the other.
+    /// The kept lines of the first twelve channels, line after line: the real parts of all, and the imaginary
+    /// ones. `None` if there are fewer channels.
     #[inline(always)]
-    pub(super) fn line(&self, k: usize) -> impl Iterator<Item = &'a Complex32> {
-        let from = self.lines.get(k..).unwrap_or_default();
-        from.chunks(self.count.max(1)).filter_map(<[_]>::first)
+    pub(super) fn resultants(&self) -> Option<impl Iterator<Item = [[f32; RESULTANTS]; 2]>> {
+        let mut channels = self.lines.chunks_exact(self.count.max(1));
+        let mut twelve = [&[][..]; RESULTANTS];
+        for channel in &mut twelve {
+            *channel = channels.next()?;
+        }
+        // Each by its name, so that the numbers of a line stay in registers.
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = twelve;
+        let (ad, eh, il) = (
+            zip(zip(a, b), zip(c, d)),
+            zip(zip(e, f), zip(g, h)),
+            zip(zip(i, j), zip(k, l)),
+        );
+        let lines = zip(zip(ad, eh), il);
+        Some(lines.map(
+            #[inline(always)]
+            |((((a, b), (c, d)), ((e, f), (g, h))), ((i, j), (k, l)))| {
+                [
+                    [
+                        a.re, b.re, c.re, d.re, e.re, f.re, g.re, h.re, i.re, j.re, k.re, l.re,
+                    ],
+                    [
+                        a.im, b.im, c.im, d.im, e.im, f.im, g.im, h.im, i.im, j.im, k.im, l.im,
+                    ],
+                ]
+            },
+        ))
     }
 }
 

@@ -3,6 +3,8 @@
 use super::sum::{Sum, due, less};
 use super::{Average, BlockSettings, BlockSpectra, SpectraError};
 use crate::geometry::RESULTANTS;
+use core::cmp::Ordering;
+use core::iter::zip;
 
 /// Sums per line: twelve real auto spectra and 66 complex cross spectra.
 const SUMS: usize = RESULTANTS * RESULTANTS;
@@ -10,9 +12,11 @@ const SUMS: usize = RESULTANTS * RESULTANTS;
 /// Sums of the products of all pairs at one line: each is a [`Sum`], whose parts lie apart, so that
 /// neighbouring ones can be added to at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct CrossSums {
-    sum: [f32; SUMS],
+    // First, since terms are added to it: an instruction of the chip reaches 1020 bytes from where an element begins.
     carry: [f32; SUMS],
+    sum: [f32; SUMS],
 }
 
 impl Default for CrossSums {
@@ -31,11 +35,12 @@ impl CrossSums {
     pub fn of(cross: impl Fn(usize, usize) -> (f64, f64)) -> Self {
         let mut sums = Self::default();
         for i in 0..RESULTANTS {
-            sums.set(i, cross(i, i).0);
-            for j in i + 1..RESULTANTS {
+            for j in i..RESULTANTS {
                 let ((re, im), at) = (cross(i, j), pair(i, j));
                 sums.set(at.0, re);
-                sums.set(at.1, im);
+                if i < j {
+                    sums.set(at.1, im);
+                }
             }
         }
         sums
@@ -101,33 +106,45 @@ impl<'s> CrossAverage<'s> {
         if i.max(j) >= RESULTANTS {
             return (0.0, 0.0);
         }
-        if i == j {
-            return (at(i), 0.0);
-        }
         let (re, im) = pair(i.min(j), i.max(j));
-        (at(re), if i < j { at(im) } else { -at(im) })
+        let im = match i.cmp(&j) {
+            Ordering::Less => at(im),
+            Ordering::Equal => 0.0,
+            Ordering::Greater => -at(im),
+        };
+        (at(re), im)
     }
 }
 
-/// Rows of the matrix that are added together, which share what is loaded.
-const ROWS: usize = 4;
-
-/// Indices of the real and the imaginary part of the pair i < j. Rows of the matrix lie by fours: the
-/// products of their channels with each other, then the real parts of those of the first one with all
-/// later ones, their imaginary parts, and the same of the others.
-const fn pair(i: usize, j: usize) -> (usize, usize) {
-    let four = i - i % ROWS;
-    // Each row r before has the two parts of 11 - r products.
-    let before = RESULTANTS + four * (2 * RESULTANTS - four - 1);
-    let (i, j) = (i - four, j - four);
-    if j < ROWS {
-        // 0 1, 0 2, 0 3, 1 2, 1 3 and 2 3.
-        let own = before + 2 * (i * (2 * ROWS - 1 - i) / 2 + j - i - 1);
-        return (own, own + 1);
+impl CrossAverage<'_> {
+    /// Adds a block that lacks channels: they are zero at all lines, and add nothing.
+    fn add_some(&mut self, block: &BlockSpectra<'_>) {
+        for i in 0..RESULTANTS {
+            for j in i..RESULTANTS {
+                let (re, im) = pair(i, j);
+                let products = zip(block.channel(i), block.channel(j));
+                for (CrossSums { carry, .. }, (x, y)) in zip(&mut *self.sums, products) {
+                    let (x, y) = ((x.re, x.im), (y.re, y.im));
+                    if i == j {
+                        if let Some(power) = carry.get_mut(re) {
+                            add_power(power, x);
+                        }
+                    } else if let Ok([re, im]) = carry.get_disjoint_mut([re, im]) {
+                        add_product((re, im), x, y);
+                    }
+                }
+            }
+        }
     }
-    let later = RESULTANTS - four - ROWS;
-    let re = before + ROWS * (ROWS - 1) + i * 2 * later + j - ROWS;
-    (re, re + later)
+}
+
+/// Indices of the real and the imaginary part of the pair i <= j. Each row of the matrix has the power of its
+/// channel, whose imaginary part is none, then the real parts of its products with all later ones, then the
+/// imaginary parts.
+const fn pair(i: usize, j: usize) -> (usize, usize) {
+    // Each row r before has 1 + 2 (11 - r) sums.
+    let re = i * (2 * RESULTANTS - i) + j - i;
+    (re, re + RESULTANTS - 1 - i)
 }
 
 /// A loop over as many items as there are numbers, or fewer. On the chip it is written out, since its code is
@@ -148,6 +165,7 @@ macro_rules! written_out {
 }
 
 impl Average for CrossAverage<'_> {
+    #[inline(never)] // What its caller does with each sample is to have the registers.
     fn add(&mut self, block: &BlockSpectra<'_>) {
         for CrossSums { sum, carry } in due(self.sums.iter_mut(), self.blocks) {
             for (sum, carry) in sum.iter_mut().zip(carry) {
@@ -156,18 +174,12 @@ impl Average for CrossAverage<'_> {
                 both.apart(sum, carry);
             }
         }
-        // A channel that the block lacks is zero at all lines.
-        let mut x = [[0.0; RESULTANTS]; 2];
-        for (k, line) in self.sums.iter_mut().enumerate() {
-            let Some((auto, cross)) = line.carry.split_first_chunk_mut::<RESULTANTS>() else {
-                continue;
-            };
-            let [re, im] = &mut x;
-            let channels = re.iter_mut().zip(&mut *im).zip(block.line(k));
-            written_out!(0 1 2 3 4 5 6 7 8 9 10 11: for ((re, im), z) in channels => {
-                (*re, *im) = (z.re, z.im);
-            });
-            add_products(&x, auto, cross);
+        if let Some(channels) = block.resultants() {
+            for (CrossSums { carry, .. }, x) in zip(&mut *self.sums, channels) {
+                add_products(&x, carry);
+            }
+        } else {
+            self.add_some(block);
         }
         self.blocks = self.blocks.saturating_add(1);
     }
@@ -179,75 +191,50 @@ impl Average for CrossAverage<'_> {
 
 /// Adds the products of all channels at one line, each with itself and all pairs: of the real parts of the
 /// channels, and the imaginary ones.
-fn add_products(x: &[[f32; RESULTANTS]; 2], auto: &mut [f32; RESULTANTS], cross: &mut [f32]) {
+#[inline(always)]
+fn add_products(x: &[[f32; RESULTANTS]; 2], carry: &mut [f32; SUMS]) {
     // Written out, so that lengths are known to the compiler.
-    let ([first, second, third], _) = auto.as_chunks_mut::<ROWS>() else {
-        return;
-    };
-    let mut rest = cross;
-    rest = add_four_rows::<8>(x, first, rest);
-    rest = add_four_rows::<4>(x, second, rest);
-    add_four_rows::<0>(x, third, rest);
+    let mut rest = &mut carry[..];
+    rest = add_row::<11>(x, rest);
+    rest = add_row::<10>(x, rest);
+    rest = add_row::<9>(x, rest);
+    rest = add_row::<8>(x, rest);
+    rest = add_row::<7>(x, rest);
+    rest = add_row::<6>(x, rest);
+    rest = add_row::<5>(x, rest);
+    rest = add_row::<4>(x, rest);
+    rest = add_row::<3>(x, rest);
+    rest = add_row::<2>(x, rest);
+    rest = add_row::<1>(x, rest);
+    add_row::<0>(x, rest);
 }
 
-/// Adds the products of four rows of the matrix: of the four channels before the last `N`, each with itself, with
-/// each other and with those. Returns the carries of the rows after them.
+/// Adds the products of the channel before the last `N` with itself and with those. Returns the carries of the
+/// rows after its own.
 #[inline(always)]
-fn add_four_rows<'s, const N: usize>(
+fn add_row<'s, const N: usize>(
     [re, im]: &[[f32; RESULTANTS]; 2],
-    auto: &mut [f32; ROWS],
     carries: &'s mut [f32],
 ) -> &'s mut [f32] {
-    let first = RESULTANTS - N - ROWS;
-    let rows = |of: &[f32; RESULTANTS]| of.get(first..)?.first_chunk::<ROWS>().copied();
-    let (Some(rows_re), Some(rows_im)) = (rows(re), rows(im)) else {
-        return carries;
-    };
-    let (Some(re), Some(im)) = (re.last_chunk::<N>(), im.last_chunk::<N>()) else {
-        return carries;
-    };
-    let ([a, b, c, d], [e, f, g, h]) = (rows_re, rows_im);
-    let (a, b, c, d) = ((a, e), (b, f), (c, g), (d, h));
-    let [of_a, of_b, of_c, of_d] = auto;
-    add_power(of_a, a);
-    add_power(of_b, b);
-    add_power(of_c, c);
-    add_power(of_d, d);
-    let Some((own, mut rest)) = carries.split_first_chunk_mut::<{ ROWS * (ROWS - 1) }>() else {
-        return &mut [];
-    };
-    let [p, q, r, s, t, u, v, w, x, y, z, last] = own;
-    add_product((p, q), a, b);
-    add_product((r, s), a, c);
-    add_product((t, u), a, d);
-    add_product((v, w), b, c);
-    add_product((x, y), b, d);
-    add_product((z, last), c, d);
-    let mut take = || {
-        let (part, others) = core::mem::take(&mut rest).split_first_chunk_mut::<N>()?;
-        rest = others;
-        Some(part)
-    };
-    let mut both = || Some((take()?, take()?));
-    if let (Some((p, q)), Some((r, s)), Some((t, u)), Some((v, w))) =
-        (both(), both(), both(), both())
+    let own = |of: &[f32; RESULTANTS]| of.iter().nth_back(N).copied();
+    if let (Some(own_re), Some(own_im)) = (own(re), own(im))
+        && let (Some(re), Some(im)) = (re.last_chunk::<N>(), im.last_chunk::<N>())
+        && let Some((power, rest)) = carries.split_first_mut()
+        && let Some((of_re, rest)) = rest.split_first_chunk_mut::<N>()
+        && let Some((of_im, rest)) = rest.split_first_chunk_mut::<N>()
     {
-        let (first, second) = (p.iter_mut().zip(q), r.iter_mut().zip(s));
-        let (third, fourth) = (t.iter_mut().zip(u), v.iter_mut().zip(w));
-        let sums = first.zip(second).zip(third.zip(fourth));
-        let columns = re.iter().zip(im).zip(sums);
+        let own = (own_re, own_im);
+        add_power(power, own);
+        let columns = re.iter().zip(im).zip(of_re.iter_mut().zip(of_im));
         written_out!(
-            0 1 2 3 4 5 6 7:
-            for ((re, im), ((p, q), (r, s))) in columns => {
-                let column = (*re, *im);
-                add_product(p, a, column);
-                add_product(q, b, column);
-                add_product(r, c, column);
-                add_product(s, d, column);
+            0 1 2 3 4 5 6 7 8 9 10:
+            for ((re, im), sums) in columns => {
+                add_product(sums, own, (*re, *im));
             }
         );
+        return rest;
     }
-    rest
+    &mut []
 }
 
 /// Adds x x*.
@@ -272,16 +259,63 @@ mod tests {
     #[test]
     fn pairs_fill_the_line_without_gap_or_overlap() {
         let mut is_taken = [false; SUMS];
-        is_taken[..RESULTANTS].fill(true);
         for i in 0..RESULTANTS {
-            for j in i + 1..RESULTANTS {
+            for j in i..RESULTANTS {
                 let (re, im) = pair(i, j);
-                for n in [re, im] {
+                for n in [re, im].into_iter().take(if i < j { 2 } else { 1 }) {
                     assert!(!core::mem::replace(&mut is_taken[n], true), "{i} {j}");
                 }
             }
         }
         assert_eq!(is_taken, [true; SUMS]);
+    }
+
+    /// Sums of blocks of which all channels but the first ones are zero, against those of blocks that lack them, to
+    /// the last bit.
+    #[test]
+    fn channels_that_a_block_lacks_are_zero() {
+        use crate::spectra::{Blocks, Window};
+        use std::vec;
+
+        let settings = BlockSettings::new(16, 0.5, Window::Hann, 16.0, [1.0, 5.0]).unwrap();
+        let count = settings.grid().count;
+        let sums = |channels: usize, there: usize| {
+            let [history, work, lines] = Blocks::<f32>::storage_len(&settings, channels);
+            let (mut history, mut work) = (vec![0.0; history], vec![Default::default(); work]);
+            let mut lines = vec![Default::default(); lines];
+            let mut blocks =
+                Blocks::<f32>::new(settings, channels, &mut history, &mut work, &mut lines)
+                    .unwrap();
+            let mut sums = vec![CrossSums::default(); count];
+            let mut average = CrossAverage::new(&settings, &mut sums).unwrap();
+            let mut state = 1_u32;
+            while average.blocks() < 40 {
+                let sample: vec::Vec<f32> = (0..there)
+                    .map(|c| {
+                        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                        (c + 1) as f32 * ((state >> 8) as f32 / (1 << 23) as f32 - 1.0)
+                    })
+                    .collect();
+                if let Some(block) = blocks.push(&sample) {
+                    average.add(&block);
+                }
+            }
+            sums
+        };
+        for there in 1..RESULTANTS {
+            let lacking = sums(there, there);
+            assert!(
+                lacking
+                    .iter()
+                    .all(|line| line.value(pair(there - 1, there - 1).0) > 0.0)
+            );
+            assert_eq!(lacking, sums(RESULTANTS, there), "{there}");
+        }
+        // One that is none of the resultants adds nothing.
+        assert_eq!(
+            sums(RESULTANTS + 1, RESULTANTS),
+            sums(RESULTANTS, RESULTANTS)
+        );
     }
 
     /// The matrix of thousands of blocks of noise of unlike channels, against products in `f64`.

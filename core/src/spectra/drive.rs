@@ -192,6 +192,7 @@ fn add_products(sums: &mut [Sum], r: &Complex32, x: &Complex32) {
 }
 
 impl Average for DriveAverage<'_> {
+    #[inline(never)] // What its caller does with each sample is to have the registers.
     fn add(&mut self, block: &BlockSpectra<'_>) {
         let drive = block.channel(0);
         self.add_drive(drive);
