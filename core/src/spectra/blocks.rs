@@ -127,6 +127,34 @@ impl<'s, L: Compiled> Blocks<'s, L> {
     }
 }
 
+/// Blocks of `channels` channels, of which the first `there` are noise of rising level and the others zero.
+#[cfg(test)]
+pub(super) fn of_noise<L: Compiled>(
+    settings: BlockSettings,
+    (channels, there): (usize, usize),
+    blocks: usize,
+    mut each: impl FnMut(&BlockSpectra<'_>),
+) {
+    extern crate std;
+    use std::vec;
+
+    let [history, work, lines] = Blocks::<L>::storage_len(&settings, channels);
+    let (mut history, mut work) = (vec![0.0; history], vec![Complex::default(); work]);
+    let mut lines = vec![Complex32::default(); lines];
+    let made = Blocks::<L>::new(settings, channels, &mut history, &mut work, &mut lines);
+    let (mut made, mut state, mut left) = (made.unwrap(), 1_u32, blocks);
+    while left > 0 {
+        let noise = (0..there).map(|c| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (c + 1) as f32 * ((state >> 8) as f32 / (1 << 23) as f32 - 1.0)
+        });
+        if let Some(block) = made.push(&noise.collect::<vec::Vec<f32>>()) {
+            each(&block);
+            left -= 1;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     extern crate std;

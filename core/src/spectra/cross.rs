@@ -114,9 +114,7 @@ impl<'s> CrossAverage<'s> {
         };
         (at(re), im)
     }
-}
 
-impl CrossAverage<'_> {
     /// Adds a block that lacks channels: they are zero at all lines, and add nothing.
     fn add_some(&mut self, block: &BlockSpectra<'_>) {
         for i in 0..RESULTANTS {
@@ -255,6 +253,9 @@ mod tests {
     extern crate std;
 
     use super::*;
+    use crate::spectra::Window;
+    use crate::spectra::blocks::of_noise;
+    use std::vec;
 
     #[test]
     fn pairs_fill_the_line_without_gap_or_overlap() {
@@ -274,32 +275,11 @@ mod tests {
     /// the last bit.
     #[test]
     fn channels_that_a_block_lacks_are_zero() {
-        use crate::spectra::{Blocks, Window};
-        use std::vec;
-
         let settings = BlockSettings::new(16, 0.5, Window::Hann, 16.0, [1.0, 5.0]).unwrap();
-        let count = settings.grid().count;
         let sums = |channels: usize, there: usize| {
-            let [history, work, lines] = Blocks::<f32>::storage_len(&settings, channels);
-            let (mut history, mut work) = (vec![0.0; history], vec![Default::default(); work]);
-            let mut lines = vec![Default::default(); lines];
-            let mut blocks =
-                Blocks::<f32>::new(settings, channels, &mut history, &mut work, &mut lines)
-                    .unwrap();
-            let mut sums = vec![CrossSums::default(); count];
+            let mut sums = vec![CrossSums::default(); settings.grid().count];
             let mut average = CrossAverage::new(&settings, &mut sums).unwrap();
-            let mut state = 1_u32;
-            while average.blocks() < 40 {
-                let sample: vec::Vec<f32> = (0..there)
-                    .map(|c| {
-                        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                        (c + 1) as f32 * ((state >> 8) as f32 / (1 << 23) as f32 - 1.0)
-                    })
-                    .collect();
-                if let Some(block) = blocks.push(&sample) {
-                    average.add(&block);
-                }
-            }
+            of_noise::<f32>(settings, (channels, there), 40, |block| average.add(block));
             sums
         };
         for there in 1..RESULTANTS {
@@ -321,29 +301,12 @@ mod tests {
     /// The matrix of thousands of blocks of noise of unlike channels, against products in `f64`.
     #[test]
     fn every_pair_has_its_own_product() {
-        use crate::spectra::{Blocks, Window};
-        use std::vec;
-
         let settings = BlockSettings::new(64, 0.5, Window::Hann, 64.0, [1.0, 20.0]).unwrap();
-        let [history, work, lines] = Blocks::<[f32; 4]>::storage_len(&settings, RESULTANTS);
-        let (mut history, mut work) = (vec![0.0; history], vec![Default::default(); work]);
-        let mut lines = vec![Default::default(); lines];
-        let blocks =
-            Blocks::<[f32; 4]>::new(settings, RESULTANTS, &mut history, &mut work, &mut lines);
-        let mut blocks = blocks.unwrap();
         let mut storage = vec![CrossSums::default(); settings.grid().count];
         let mut average = CrossAverage::new(&settings, &mut storage).unwrap();
         let mut exact = vec![[[[0.0; 2]; RESULTANTS]; RESULTANTS]; settings.grid().count];
-        let mut state = 1_u32;
-        while average.blocks() < 4000 {
-            let sample: [f32; RESULTANTS] = core::array::from_fn(|c| {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                (c + 1) as f32 * ((state >> 8) as f32 / (1 << 23) as f32 - 1.0)
-            });
-            let Some(block) = blocks.push(&sample) else {
-                continue;
-            };
-            average.add(&block);
+        of_noise::<[f32; 4]>(settings, (RESULTANTS, RESULTANTS), 4000, |block| {
+            average.add(block);
             for (k, exact) in exact.iter_mut().enumerate() {
                 for (i, exact) in exact.iter_mut().enumerate() {
                     for (j, [re, im]) in exact.iter_mut().enumerate() {
@@ -354,7 +317,7 @@ mod tests {
                     }
                 }
             }
-        }
+        });
         for (k, exact) in exact.iter().enumerate() {
             for (i, row) in exact.iter().enumerate() {
                 for (j, [re, im]) in row.iter().enumerate() {

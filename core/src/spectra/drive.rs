@@ -343,42 +343,27 @@ mod tests {
     #[test]
     fn responses_of_a_block_are_added_as_each_alone() {
         extern crate std;
-        use crate::spectra::{Blocks, Window};
+        use crate::spectra::Window;
+        use crate::spectra::blocks::of_noise;
         use std::vec;
 
         const LINES: usize = 5;
         let settings = BlockSettings::new(16, 0.5, Window::Hann, 16.0, [1.0, 5.0]).unwrap();
         for responses in 0..=5 {
             for there in 1..=responses + 1 {
-                let [history, work, lines] = Blocks::<f32>::storage_len(&settings, there);
-                let (mut history, mut work) = (vec![0.0; history], vec![Default::default(); work]);
-                let mut lines = vec![Default::default(); lines];
-                let blocks =
-                    Blocks::<f32>::new(settings, there, &mut history, &mut work, &mut lines);
-                let mut blocks = blocks.unwrap();
                 let mut sums = vec![[Sum::ZERO; 2]; LINES * sums_per_line(responses)];
                 let (together, alone) = sums
                     .as_flattened_mut()
                     .split_at_mut(LINES * sums_per_line(responses));
                 let mut together = DriveAverage::new(&settings, responses, together).unwrap();
                 let mut alone = DriveAverage::new(&settings, responses, alone).unwrap();
-                let mut state = 1_u32;
-                while together.blocks() < 40 {
-                    let sample: vec::Vec<f32> = (0..there)
-                        .map(|c| {
-                            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                            (c + 1) as f32 * ((state >> 8) as f32 / (1 << 23) as f32 - 1.0)
-                        })
-                        .collect();
-                    let Some(block) = blocks.push(&sample) else {
-                        continue;
-                    };
-                    together.add(&block);
+                of_noise::<f32>(settings, (there, there), 40, |block| {
+                    together.add(block);
                     alone.add_drive(block.channel(0));
                     for c in 0..responses {
                         alone.add_response(c, block.channel(0), block.channel(1 + c));
                     }
-                }
+                });
                 assert_eq!(
                     together.sums, alone.sums,
                     "{there} of {responses} and the drive"

@@ -39,7 +39,7 @@ fn a_moved_model_is_of_the_same_body() {
 #[test]
 fn moved_records_follow_the_moved_model() {
     let model = model();
-    let here = record(&model, 0, 1, false);
+    let mut here = record(&model, 0, 1, false);
     let frequency = here.frequencies[0];
     let spread = |record: &Record, model: &Model| {
         let m = model.at(0, frequency);
@@ -47,7 +47,6 @@ fn moved_records_follow_the_moved_model() {
         complex(record.noise.force) + m * complex(record.noise.base) * m.adjoint()
     };
     let before = spread(&here, &model);
-    let mut here = here;
     // Without leakage.
     here.force[0] = model.at(0, frequency) * here.base[0];
     let (there, model) = (here.about(&SHIFT), model.about(&SHIFT));
