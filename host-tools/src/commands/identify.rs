@@ -205,7 +205,7 @@ fn export(
 /// where the data contradict it, what they say of the sensors, too.
 ///
 /// # Errors
-/// As [`Session::wanted_answer`].
+/// As [`Session::wanted_with_modes`].
 pub(super) fn with_progress(
     setup: &Setup,
     wanted: Wanted,
@@ -221,8 +221,7 @@ pub(super) fn with_progress(
             Wanted::Recommended | Wanted::Likelihood => None,
         };
         session.read_ahead(&Choice { method, ..*choice }, progress);
-        let answer = session.wanted_answer(wanted, choice, progress)?;
-        let mut answer = session.add_modes(answer, progress)?;
+        let mut answer = session.wanted_with_modes(wanted, choice, progress)?;
         let doubtful = answer.refused.is_some()
             || answer
                 .consistency

@@ -270,9 +270,8 @@ impl<'s> Session<'s> {
         if recommended(self.setup).0 != method {
             return None;
         }
-        let mut known = self.measurements.iter();
-        let (_, interface) = known.find(|(a, _)| *a == Accelerations::Interface)?;
-        let found = identify_from(self.setup, method, procedure, interface).ok()?;
+        let interface = self.known(&Accelerations::Interface)?;
+        let found = identify_from(self.setup, method, procedure, &interface).ok()?;
         refusal::by_recommended(&Judged {
             identification: &found.identification,
             type_b: None,
@@ -365,39 +364,6 @@ impl<'s> Session<'s> {
             likelihood: None,
             warnings,
         })
-    }
-
-    /// The same with the modal data beside the rigid body.
-    ///
-    /// # Errors
-    /// [`AnswerError`].
-    pub fn answer_with_modes(
-        &mut self,
-        choice: &Choice,
-        progress: OnProgress<'_>,
-    ) -> Result<Answer, AnswerError> {
-        let answer = self.answer(choice, progress)?;
-        self.add_modes(answer, progress)
-    }
-
-    /// An answer with the modal data beside it.
-    ///
-    /// # Errors
-    /// [`AnswerError`].
-    pub fn add_modes(
-        &mut self,
-        mut answer: Answer,
-        progress: OnProgress<'_>,
-    ) -> Result<Answer, AnswerError> {
-        if answer.is_dynamic() {
-            let modal = self.modal(progress)?;
-            // What is said of modes would lead away from what is wrong.
-            if answer.refused.is_none() {
-                answer.warnings.extend(modal.warnings.iter().cloned());
-            }
-            answer.modal = Some(modal);
-        }
-        Ok(answer)
     }
 
     /// The survey of single accelerometers.
@@ -514,8 +480,8 @@ impl<'s> Session<'s> {
         accelerations: &Accelerations,
         progress: OnProgress<'_>,
     ) -> Result<Rc<Measurement>, AnswerError> {
-        if let Some((_, known)) = self.measurements.iter().find(|(a, _)| a == accelerations) {
-            return Ok(Rc::clone(known));
+        if let Some(known) = self.known(accelerations) {
+            return Ok(known);
         }
         let measured = Rc::new(measure::measure_first(
             self.setup,
@@ -526,6 +492,13 @@ impl<'s> Session<'s> {
         self.measurements
             .push((accelerations.clone(), Rc::clone(&measured)));
         Ok(measured)
+    }
+
+    /// The same averages, if they are there already.
+    fn known(&self, accelerations: &Accelerations) -> Option<Rc<Measurement>> {
+        let mut known = self.measurements.iter();
+        let (_, measured) = known.find(|(of, _)| of == accelerations)?;
+        Some(Rc::clone(measured))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Modal data besides the rigid body: the fixed structure's modes with effective masses,
 //! and the free structure's, both with their shapes at the accelerometers.
 
-use super::{AnswerError, OnProgress, Session, condense};
+use super::{Answer, AnswerError, Choice, OnProgress, Session, Wanted, condense};
 use crate::measure::{Accelerations, Measurement, Survey};
 use crate::parallel;
 use crate::setup::{BLOCK_LENGTHS, Setup};
@@ -51,39 +51,99 @@ const LINES_PER_BANDWIDTH: f64 = 4.0;
 const ONE_SHAPE: f64 = 0.93;
 
 impl Session<'_> {
-    /// The modal data behind the runs that are referred to a drive or are sines.
+    /// The answer of [`Session::answer`] with the modal data beside it.
     ///
     /// # Errors
-    /// [`AnswerError`] if the recordings cannot be read.
-    pub fn modal(&mut self, progress: OnProgress<'_>) -> Result<Modal, AnswerError> {
-        let setup = self.setup;
-        let interface = self.of_interface(progress)?;
-        let all = self.measurement(&Accelerations::All(None), progress)?;
-        let survey = self.survey(progress)?;
-        let of_survey: &Survey = &survey;
-        let (interface, all): (Option<&Measurement>, &Measurement) = (interface.as_deref(), &all);
-        let (free, fixed) = parallel::both(
-            self.threads,
-            || condense::free_modes(setup, all).map(|modes| free_shapes(of_survey, &modes)),
+    /// [`AnswerError`].
+    pub fn answer_with_modes(
+        &mut self,
+        choice: &Choice,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
+        self.with_modes(
+            |session, progress| session.answer(choice, progress),
+            progress,
+        )
+    }
+
+    /// The answer of [`Session::wanted_answer`] with the modal data beside it.
+    ///
+    /// # Errors
+    /// [`AnswerError`].
+    pub fn wanted_with_modes(
+        &mut self,
+        wanted: Wanted,
+        choice: &Choice,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
+        let answer = |session: &mut Self, progress: OnProgress<'_>| {
+            session.wanted_answer(wanted, choice, progress)
+        };
+        self.with_modes(answer, progress)
+    }
+
+    /// An answer with the modal data behind the runs that are referred to a drive or are sines. The free structure's
+    /// modes are found beside the answer where the averages are at hand.
+    fn with_modes(
+        &mut self,
+        answer: impl FnOnce(&mut Self, OnProgress<'_>) -> Result<Answer, AnswerError>,
+        progress: OnProgress<'_>,
+    ) -> Result<Answer, AnswerError> {
+        let (setup, threads) = (self.setup, self.threads);
+        let (all, survey) = (self.known(&Accelerations::All(None)), self.survey.clone());
+        let at_hand: Option<(&Measurement, &Survey)> = all.as_deref().zip(survey.as_deref());
+        let (free, answer) = parallel::both(
+            threads,
+            || at_hand.map(|(all, survey)| free_modes(setup, all, survey)),
             || {
-                let fixed = interface.map(|interface| condense::fixed_modes(setup, interface));
-                Ok::<_, AnswerError>(with_shapes(
-                    of_survey,
-                    fixed.transpose()?.unwrap_or_default(),
-                ))
+                let answer = answer(self, progress)?;
+                let fixed = answer.is_dynamic().then(|| self.fixed(progress));
+                Ok::<_, AnswerError>((answer, fixed.transpose()?))
             },
         );
-        let (free, fixed) = (free.unwrap_or_default(), fixed?);
+        let (mut answer, fixed) = answer?;
+        let Some(fixed) = fixed else {
+            return Ok(answer);
+        };
+        let survey = self.survey(progress)?;
+        let free = match free {
+            Some(free) => free,
+            None => free_modes(
+                setup,
+                &*self.measurement(&Accelerations::All(None), progress)?,
+                &survey,
+            ),
+        };
         let mut warnings = Vec::new();
-        warn_of_resolution(self.setup(), &survey, &fixed, &mut warnings);
+        warn_of_resolution(setup, &survey, &fixed, &mut warnings);
         warn_of_mixtures(&fixed, &mut warnings);
         warn_of_unseen(&fixed, &mut warnings);
-        Ok(Modal {
+        // What is said of modes would lead away from what is wrong.
+        if answer.refused.is_none() {
+            answer.warnings.extend(warnings.iter().cloned());
+        }
+        answer.modal = Some(Modal {
             free,
             fixed,
             warnings,
-        })
+        });
+        Ok(answer)
     }
+
+    /// Modes of the structure on the fixed interface.
+    fn fixed(&mut self, progress: OnProgress<'_>) -> Result<Vec<FixedShape>, AnswerError> {
+        let setup = self.setup;
+        let interface = self.of_interface(progress)?;
+        let survey = self.survey(progress)?;
+        let fixed = interface.map(|interface| condense::fixed_modes(setup, &interface));
+        Ok(with_shapes(&survey, fixed.transpose()?.unwrap_or_default()))
+    }
+}
+
+/// Modes of the free structure; none where the runs do not suffice.
+fn free_modes(setup: &Setup, all: &Measurement, survey: &Survey) -> Vec<FreeShape> {
+    let modes = condense::free_modes(setup, all);
+    modes.map_or_else(Vec::new, |modes| free_shapes(survey, &modes))
 }
 
 /// Deflections of the fixed modes from the transmissibilities `T = X + Σ φ_r L_r D_r`.
