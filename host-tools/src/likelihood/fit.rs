@@ -1,6 +1,6 @@
 //! The whole fit: start values, all lines, covariance, and tests of whether it holds.
 
-use super::descent::{self, Freedom, Problem};
+use super::descent::{self, Descent, Freedom, Problem, System};
 use super::excited::Excited;
 use super::guess::Body;
 use super::leakage::leakage_terms;
@@ -168,7 +168,8 @@ impl Fit {
     }
 }
 
-/// Fits the apparent mass to some records.
+/// Fits the apparent mass to some records: start values, the descent to the most likely model, its covariance, and the
+/// tests of whether it holds.
 ///
 /// # Errors
 /// [`FitError`] if the records do not support even a rigid body.
@@ -177,6 +178,72 @@ pub fn fit(
     options: &Options,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Fit, FitError> {
+    let equations = enough(records)?;
+    let mut excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
+    excited.steady();
+    let base = Base {
+        wandering: excited.wandering(records),
+        noise: records.iter().map(|r| r.noise.base).sum::<Matrix6<f64>>() / records.len() as f64,
+        excited,
+    };
+    let mut projected = records.to_vec();
+    base.excited.project(&mut projected);
+    let records = &projected;
+    let threads = options.threads.max(1);
+    let told = options.rigid.unwrap_or([true; RIGID]);
+    let (model, body) = started(records, &base, told, options, progress)?;
+    let fitted = descended(records, &base, told, (model, body), threads, progress)?;
+    let (model, done) = (&fitted.done.model, &fitted.done);
+    let problem = fitted.problem(records, threads);
+    let system = problem
+        .system(model, fitted.freedom, Detail::Test)
+        .ok_or(FitError::Singular)?;
+    let spread = Spread::of(
+        &problem,
+        &system,
+        model,
+        fitted.freedom,
+        told,
+        &base.excited,
+    )?;
+    let leaked: usize = records.iter().map(|r| leakage_terms(r, model)).sum();
+    let free = (spread.places.len() + leaked) as f64;
+    let expected = |r: &Record| r.equation_count() as f64;
+    let residuals = records
+        .iter()
+        .zip(&system.residuals)
+        .map(|(r, lines)| stretches(lines, expected(r)))
+        .collect();
+    let first = records.iter().filter_map(|r| r.frequencies.first());
+    Ok(Fit {
+        by_information: spread.by_information,
+        by_score: spread.by_score,
+        covariance: spread.covariance,
+        guess_share: spread.guess_share,
+        pole_deviations: spread.pole_deviations(model),
+        twice_misfit: 2.0 * system.data,
+        freedom: equations as f64 - free,
+        iterations: done.iterations,
+        converged: done.converged,
+        // Low lines are fitted beside the inertia that all lines have: what its guess leaves open is no difference.
+        disagreement: low_lines(records, model, &spread.beside, told, threads),
+        excited: base.excited.power.len(),
+        wandering: base.wandering,
+        residuals,
+        band: [
+            first.copied().fold(f64::INFINITY, f64::min),
+            highest(records),
+        ],
+        lines: records.iter().map(|r| r.frequencies.len()).sum(),
+        model: fitted.done.model,
+    })
+}
+
+/// Number of real equations of the records.
+///
+/// # Errors
+/// [`FitError::TooFew`] if a least model has about as many parameters, [`FitError::Unlike`].
+fn enough(records: &[Record]) -> Result<usize, FitError> {
     let equations = real_equations(records);
     let parameters = RIGID + 21 + 12 * records.len();
     if equations < 2 * parameters {
@@ -186,65 +253,111 @@ pub fn fit(
         });
     }
     let rows = records.first().map(|r| r.equations);
-    if records
-        .iter()
-        .any(|r| rows.is_some_and(|m| (m - r.equations).norm() > 1e-9))
-    {
+    let unlike = |r: &Record| rows.is_some_and(|m| (m - r.equations).norm() > 1e-9);
+    if records.iter().any(unlike) {
         return Err(FitError::Unlike);
     }
-    let mut excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
-    excited.steady();
-    let wandering = excited.wandering(records);
-    let count = records.len().max(1) as f64;
-    let noise = records.iter().map(|r| r.noise.base).sum::<Matrix6<f64>>() / count;
-    let mut projected = records.to_vec();
-    excited.project(&mut projected);
-    let records = &projected;
-    let threads = options.threads.max(1);
-    let rigid = options.rigid.unwrap_or([true; RIGID]);
-    let rotates = excited.believed > ROTATES;
-    let (mut model, sought) = match &options.start {
-        Some(model) => (model.clone(), Body::told(rigid)),
-        None => {
-            let sought = match &options.near {
-                Some(near) if rotates => {
-                    let mut model = Model::rigid([0.0; RIGID], highest(records), 1);
-                    model.rigid[..4].copy_from_slice(near);
-                    Body::guessed(rigid, &model, &noise)
-                }
-                _ => Body::told(rigid),
-            };
-            let found = start::start(records, &excited, &sought, threads, progress);
-            (found.ok_or(FitError::Singular)?, sought)
+    Ok(equations)
+}
+
+/// How the base moves.
+struct Base {
+    /// The directions in which it does.
+    excited: Excited,
+    /// Largest deviation from chance of its motion along others, in standard deviations.
+    wandering: f64,
+    /// Covariance of the noise of its accelerations, the mean of all records.
+    noise: Matrix6<f64>,
+}
+
+impl Base {
+    /// `true` if so much of its measured rotation is motion that modes are sought beside a guess of the inertia.
+    fn rotates(&self) -> bool {
+        self.excited.believed > ROTATES
+    }
+}
+
+/// A model from which the descent may start, and the body beside which its modes were sought.
+fn started(
+    records: &[Record],
+    base: &Base,
+    told: [bool; RIGID],
+    options: &Options,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<(Model, Body), FitError> {
+    if let Some(model) = &options.start {
+        return Ok((model.clone(), Body::told(told)));
+    }
+    let sought = match &options.near {
+        Some(near) if base.rotates() => {
+            let mut model = Model::rigid([0.0; RIGID], highest(records), 1);
+            model.rigid[..4].copy_from_slice(near);
+            Body::guessed(told, &model, &base.noise)
         }
+        _ => Body::told(told),
     };
-    let mut body = Body::guessed(rigid, &model, &noise);
+    let threads = options.threads.max(1);
+    let found = start::start(records, &base.excited, &sought, threads, progress);
+    Ok((found.ok_or(FitError::Singular)?, sought))
+}
+
+/// The most likely model, and what was taken for likely before the data were seen.
+struct Descended {
+    done: Descent,
+    /// Parameters that were free.
+    freedom: Freedom,
+    body: Body,
+    /// Weights of E.
+    weights: Option<DMatrix<f64>>,
+}
+
+impl Descended {
+    /// The problem whose solution it is.
+    fn problem<'a>(&'a self, records: &'a [Record], threads: usize) -> Problem<'a> {
+        let problem = self.body.problem(records, threads);
+        problem.beside(self.weights.as_ref())
+    }
+}
+
+/// The most likely model of all lines: with a guess of the inertia that the test does not tell, as wide as the data
+/// say, and with terms E that are no larger than the body and their noise make likely.
+fn descended(
+    records: &[Record],
+    base: &Base,
+    told: [bool; RIGID],
+    (mut model, sought): (Model, Body),
+    threads: usize,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Descended, FitError> {
+    let mut body = Body::guessed(told, &model, &base.noise);
     if sought.free != body.free {
         body.put(&mut model);
     }
-    let free = body.free;
     let possible = model.upper.map(|_| start::possible_rest(&model));
-    let freedom = if model.modes.is_empty() {
-        Freedom::least(free)
-    } else {
-        Freedom::all(free)
-    };
-    let mut last = |modes: usize, iteration: usize, misfit: f64| {
-        progress(Progress {
-            stage: Stage::Lines,
-            modes,
-            iteration,
-            misfit,
-        });
-    };
     let modes = model.modes.len();
-    let mut descend = |problem: &Problem<'_>, from: &Model, before: usize| {
-        descent::descend(problem, from, freedom, STEPS, &mut |i, v| {
-            last(modes, before + i, v);
-        })
-        .ok_or(FitError::Singular)
+    let freedom = if modes == 0 {
+        Freedom::least(body.free)
+    } else {
+        Freedom::all(body.free)
     };
-    let mut widenings = if rotates && free != rigid { WIDENED } else { 0 };
+    let mut descend = |problem: &Problem<'_>, from: &Model, before: usize| {
+        let mut step = |iteration: usize, misfit: f64| {
+            progress(Progress {
+                stage: Stage::Lines,
+                modes,
+                iteration: before + iteration,
+                misfit,
+            });
+        };
+        let done = descent::descend(problem, from, freedom, STEPS, &mut step);
+        done.ok_or(FitError::Singular)
+    };
+    let guesses = body.free != told;
+    let mut widenings = if base.rotates() && guesses {
+        WIDENED
+    } else {
+        0
+    };
     let mut before = 0;
     let mut done = loop {
         let problem = body.problem(records, threads).beside(possible.as_ref());
@@ -263,102 +376,117 @@ pub fn fit(
     let rest = start::Rest::of(&problem, &done.model, freedom).ok_or(FitError::Singular)?;
     let shrunk = rest.weights();
     let again = shrunk.is_some();
-    let weights = match (&possible, shrunk) {
+    let weights = match (possible, shrunk) {
         (Some(possible), Some(shrunk)) => Some(possible + shrunk),
-        (possible, _) => possible.clone(),
+        (possible, _) => possible,
     };
-    let problem = problem.beside(weights.as_ref());
     if again {
+        let problem = problem.beside(weights.as_ref());
         done = descend(&problem, &done.model, done.iterations)?;
     }
-    let model = done.model;
-    let system = problem
-        .system(&model, freedom, Detail::Test)
-        .ok_or(FitError::Singular)?;
-    let places = freedom.places(&model);
-    let freedom_told = Freedom { rigid, ..freedom };
-    let told = freedom_told.places(&model);
-    let beside = descent::inverse(&system.information, &told).ok_or(FitError::Singular)?;
-    let inverse = descent::inverse(&system.information, &places).ok_or(FitError::Singular)?;
-    let inverse = blended(&inverse, &places, &beside, &told, excited.believed);
-    // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
-    let by_information = corner(&inverse, &places) * 0.5;
-    let beside = corner(&beside, &told) * 0.5;
-    let guess_share = (told.iter().filter(|&&i| i < RIGID))
-        .map(|&i| 1.0 - beside[(i, i)] / by_information[(i, i)])
-        .fold(0.0, f64::max);
-    let mut scatter = DMatrix::zeros(places.len(), places.len());
-    for score in &system.scores {
-        let free = DVector::from_fn(places.len(), |i, _| score[places[i]]);
-        scatter.ger(1.0, &free, &free, 1.0);
-    }
-    let by_score = corner(&(&inverse * scatter * &inverse), &places);
-    let wider = SMatrix::<f64, RIGID, 1>::from_fn(|i, _| {
-        let ratio = by_score[(i, i)] / by_information[(i, i)];
-        if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
-    });
-    let tilted = |freedom: Freedom| {
-        tilt::spread(&problem, &model, freedom, &excited).ok_or(FitError::Singular)
-    };
-    let mut tilt = tilted(freedom_told)?;
-    if free != rigid {
-        // Inertia that only a rotation tells follows what is wrong about the rotation, by the same shares.
-        tilt = tilted(freedom)? * excited.believed + tilt * (1.0 - excited.believed);
-    }
-    let covariance =
-        Covariance10::from_fn(|i, j| by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]);
-    // Mean over the runs: what a mode and its offsets share is held by the offsets' prior alone.
-    let deviation = |r: usize, k: usize| {
-        let runs = model.offsets.len();
-        let of_runs = (0..runs).map(|e| (model.offset_at(e, r) + k, 1.0 / runs as f64));
-        let all = std::iter::once((RIGID + super::model::OF_MODE * r + k, 1.0)).chain(of_runs);
-        let mean: Vec<(usize, f64)> = all
-            .filter_map(|(place, share)| Some((places.iter().position(|&p| p == place)?, share)))
-            .collect();
-        if mean.is_empty() {
-            return f64::NAN;
-        }
-        let pairs = mean.iter().flat_map(|a| mean.iter().map(move |b| (a, b)));
-        let variance: f64 = pairs
-            .map(|((i, a), (j, b))| a * b * inverse[(*i, *j)])
-            .sum();
-        (0.5 * variance).max(0.0).sqrt()
-    };
-    let pole_deviations = (0..model.modes.len())
-        .map(|r| [0, 1].map(|k| deviation(r, k)))
-        .collect();
-    let leaked: usize = records.iter().map(|r| leakage_terms(r, &model)).sum();
-    let free = (places.len() + leaked) as f64;
-    // Low lines are fitted beside the inertia that all lines have: what its guess leaves open is no difference.
-    let disagreement = low_lines(records, &model, &beside, rigid, threads);
-    let expected = |r: &Record| r.equation_count() as f64;
-    let residuals = records
-        .iter()
-        .zip(&system.residuals)
-        .map(|(r, lines)| stretches(lines, expected(r)))
-        .collect();
-    let first = records.iter().filter_map(|r| r.frequencies.first());
-    Ok(Fit {
-        by_information,
-        by_score,
-        covariance,
-        guess_share,
-        pole_deviations,
-        twice_misfit: 2.0 * system.data,
-        freedom: equations as f64 - free,
-        iterations: done.iterations,
-        converged: done.converged,
-        disagreement,
-        excited: excited.power.len(),
-        wandering,
-        residuals,
-        band: [
-            first.copied().fold(f64::INFINITY, f64::min),
-            highest(records),
-        ],
-        lines: records.iter().map(|r| r.frequencies.len()).sum(),
-        model,
+    Ok(Descended {
+        done,
+        freedom,
+        body,
+        weights,
     })
+}
+
+/// Uncertainty of a model.
+struct Spread {
+    /// Places of the free parameters, and their inverse information.
+    places: Vec<usize>,
+    inverse: DMatrix<f64>,
+    /// Covariances of σ: by information, beside a known inertia where the test does not tell it, by the scatter of the
+    /// score, and with the uncertainty of the directions in which the base moves.
+    by_information: Covariance10,
+    beside: Covariance10,
+    by_score: Covariance10,
+    covariance: Covariance10,
+    /// Largest share of a variance by information that the guess of the inertia adds.
+    guess_share: f64,
+}
+
+impl Spread {
+    fn of(
+        problem: &Problem<'_>,
+        system: &System,
+        model: &Model,
+        freedom: Freedom,
+        rigid: [bool; RIGID],
+        excited: &Excited,
+    ) -> Result<Self, FitError> {
+        let places = freedom.places(model);
+        let freedom_told = Freedom { rigid, ..freedom };
+        let told = freedom_told.places(model);
+        let inverse_of = |places: &[usize]| {
+            descent::inverse(&system.information, places).ok_or(FitError::Singular)
+        };
+        let beside = inverse_of(&told)?;
+        let inverse = inverse_of(&places)?;
+        let inverse = blended(&inverse, &places, &beside, &told, excited.believed);
+        // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
+        let by_information = corner(&inverse, &places) * 0.5;
+        let beside = corner(&beside, &told) * 0.5;
+        let guess_share = (told.iter().filter(|&&i| i < RIGID))
+            .map(|&i| 1.0 - beside[(i, i)] / by_information[(i, i)])
+            .fold(0.0, f64::max);
+        let mut scatter = DMatrix::zeros(places.len(), places.len());
+        for score in &system.scores {
+            let free = DVector::from_fn(places.len(), |i, _| score[places[i]]);
+            scatter.ger(1.0, &free, &free, 1.0);
+        }
+        let by_score = corner(&(&inverse * scatter * &inverse), &places);
+        let wider = SMatrix::<f64, RIGID, 1>::from_fn(|i, _| {
+            let ratio = by_score[(i, i)] / by_information[(i, i)];
+            if ratio > 1.0 { ratio.sqrt() } else { 1.0 }
+        });
+        let tilted = |freedom: Freedom| {
+            tilt::spread(problem, model, freedom, excited).ok_or(FitError::Singular)
+        };
+        let mut tilt = tilted(freedom_told)?;
+        if freedom.rigid != rigid {
+            // Inertia that only a rotation tells follows what is wrong about the rotation, by the same shares.
+            tilt = tilted(freedom)? * excited.believed + tilt * (1.0 - excited.believed);
+        }
+        let covariance = Covariance10::from_fn(|i, j| {
+            by_information[(i, j)] * wider[i] * wider[j] + tilt[(i, j)]
+        });
+        Ok(Self {
+            places,
+            inverse,
+            by_information,
+            beside,
+            by_score,
+            covariance,
+            guess_share,
+        })
+    }
+
+    /// Standard deviations of ln ω and ln ζ of each mode, as means over the runs: the part that a mode and its offsets
+    /// share is held by the offsets' prior alone. Of a parameter that is not free, none.
+    fn pole_deviations(&self, model: &Model) -> Vec<[f64; 2]> {
+        let runs = model.offsets.len();
+        let deviation = |r: usize, k: usize| {
+            let of_runs = (0..runs).map(|e| (model.offset_at(e, r) + k, 1.0 / runs as f64));
+            let all = std::iter::once((RIGID + super::model::OF_MODE * r + k, 1.0)).chain(of_runs);
+            let at = |place| self.places.iter().position(|&p| p == place);
+            let mean: Vec<(usize, f64)> = all
+                .filter_map(|(place, share)| Some((at(place)?, share)))
+                .collect();
+            if mean.is_empty() {
+                return f64::NAN;
+            }
+            let pairs = mean.iter().flat_map(|a| mean.iter().map(move |b| (a, b)));
+            let variance: f64 = pairs
+                .map(|((i, a), (j, b))| a * b * self.inverse[(*i, *j)])
+                .sum();
+            (0.5 * variance).max(0.0).sqrt()
+        };
+        (0..model.modes.len())
+            .map(|r| [0, 1].map(|k| deviation(r, k)))
+            .collect()
+    }
 }
 
 /// Covariance of σ by information.

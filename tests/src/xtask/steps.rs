@@ -461,20 +461,31 @@ fn firmware_lints(context: &mut Context) -> Result<Ending, StepError> {
     context.run_tool(chip, CLIPPY, &arguments)
 }
 
+/// Programs of tests beside each other, one emulator at a time each: the last tests of a program would have a
+/// processor to themselves otherwise.
+const EMULATORS: [&str; 2] = ["firmware_c*", "firmware_[!c]*"];
+
 fn emulator(context: &mut Context) -> Result<Ending, StepError> {
     let elf = context.elf.as_ref().ok_or(StepError::Missing {
         what: "the result of step firmware",
         tried: String::new(),
         remedy: "put it before this step",
     })?;
+    let host = context.host();
     // Chosen by name, so that a new file of tests needs no line here.
-    let arguments = "test --release --test firmware_* -- --include-ignored";
-    let mut test = context.cargo(&context.host(), arguments);
-    test.env(emulator::FIRMWARE_ELF, elf);
-    if let Some(qemu) = &context.qemu {
-        test.env(emulator::QEMU, qemu);
-    }
-    Ok(Ending::Passed(counts(&process::run(&mut test)?)))
+    let build = "test --release --no-run --test firmware_*";
+    process::run(&mut context.cargo(&host, build))?;
+    let mut tests = EMULATORS.map(|some| {
+        let mut test = context.cargo(&host, "test --release --no-fail-fast");
+        test.args(["--test", some, "--", "--include-ignored"]);
+        test.env("RUST_TEST_THREADS", "1");
+        test.env(emulator::FIRMWARE_ELF, elf);
+        if let Some(qemu) = &context.qemu {
+            test.env(emulator::QEMU, qemu);
+        }
+        test
+    });
+    Ok(Ending::Passed(counts(&process::run_together(&mut tests)?)))
 }
 
 /// Use of the memories of the map by a firmware, as text.

@@ -161,194 +161,289 @@ impl Scene<'_> {
     }
 }
 
-/// Sum of squares by which exact data contradict a set-up.
+/// Sum of squares by which exact data contradict a set-up; none where it cannot be solved.
 pub(super) fn contradiction(scene: &Scene<'_>) -> f64 {
-    let Scene {
-        clean,
-        level,
-        faults,
-        mended,
-    } = *scene;
-    let model = clean.model();
-    let m = &model.measurement;
-    let [low, high] = m.averaging_band;
-    // A delay shows most at the top of the band, and counts as its mean square there.
-    let rms = ((high.powi(3) - low.powi(3)) / (3.0 * (high - low))).sqrt();
-    let turn = -std::f64::consts::TAU * rms / m.sample_rate;
-    let frequency = 0.5 * (low + high);
-    let truth = true_setup(clean);
-    let mut faulty = truth.clone();
-    faults.iter().for_each(|fault| fault.misstate(&mut faulty));
-    mended.iter().for_each(|fault| mend(&mut faulty, fault));
-    let freed = scene.freed();
-    let noise = clean.noise(level);
-    let averaged = 0.45 / (m.duration * (high - low));
-    let extrapolated = averaged * extrapolation([low, high]);
-    let sensors = faulty.accelerometers.len();
-    let all = channels(&faulty);
-    let quantity = |c: usize| (c >= sensors).then(|| faulty.load_cells[c - sensors].quantity);
-    let scale = |c: usize| match faulty.accelerometers.get(c) {
-        Some(a) => a.scale,
-        None => faulty.load_cells[c - sensors].scale,
-    };
+    left(scene).unwrap_or(0.0)
+}
+
+fn left(scene: &Scene<'_>) -> Option<f64> {
+    let test = Test::of(scene);
+    let mut body = BodyEquations::default();
     let mut left = 0.0;
-    let mut design: Vec<[f64; 10]> = Vec::new();
-    let mut target: Vec<f64> = Vec::new();
-    for (number, plan) in model.runs.iter().enumerate() {
+    for (number, plan) in scene.clean.model().runs.iter().enumerate() {
         let carry = mounting(&plan.rotation, &plan.translation);
-        let mut y = exact(clean, number, frequency);
-        scene.readings(&mut y, turn, sensors);
-        y.iter_mut().enumerate().for_each(|(c, y)| *y *= scale(c));
+        let run = RunReadings::of(scene, &test, number, carry);
+        let motion = test.motion(&run)?;
+        left += motion.left;
+        test.balance(&run, &motion, &mut body)?;
+    }
+    if let Some(weighed) = scene.clean.setup.known_mass {
+        body.weigh(weighed);
+    }
+    let [squares, impossible] = body.left()?;
+    Some(left + squares + impossible)
+}
+
+/// A test as the set-up with its fault states it.
+struct Test {
+    /// Places of all channels, the accelerometers' first, as they are stated and as they are.
+    all: Vec<At>,
+    truth: Vec<At>,
+    accelerometers: usize,
+    /// Quantity of each load cell.
+    quantities: Vec<Quantity>,
+    /// Units of each channel.
+    scales: Vec<f64>,
+    /// Noise of each channel in its units.
+    noise: Vec<f64>,
+    /// Channels whose readings are taken for nothing.
+    freed: Vec<usize>,
+    /// Variance of a mean over the band, over that of the noise, and of the constant of its fit.
+    averaged: f64,
+    extrapolated: f64,
+    /// Frequency, Hz, and phase of a sample, rad.
+    frequency: f64,
+    turn: f64,
+    /// The body, kg, kg m and kg m².
+    body: Matrix6<f64>,
+}
+
+/// The readings of one run.
+struct RunReadings {
+    y: Vec<Complex<f64>>,
+    /// Mean squares of accelerometers and load cells, of three axes.
+    levels: [f64; 2],
+    carry: Matrix6<f64>,
+}
+
+/// The table's motion in one run.
+struct Motion {
+    /// Real and imaginary part.
+    parts: [Vector6<f64>; 2],
+    covariance: DMatrix<f64>,
+    /// Sum of squares that is left.
+    left: f64,
+}
+
+impl RunReadings {
+    fn of(scene: &Scene<'_>, test: &Test, number: usize, carry: Matrix6<f64>) -> Self {
+        let mut y = exact(scene.clean, number, test.frequency);
+        scene.readings(&mut y, test.turn, test.accelerometers);
+        y.iter_mut().zip(&test.scales).for_each(|(y, s)| *y *= *s);
         let power = |cells: bool| {
             let mut sum = (0.0, 0.0);
-            for (_, y) in all.iter().zip(&y).filter(|(at, _)| at.cell == cells) {
+            for (_, y) in test.all.iter().zip(&y).filter(|(at, _)| at.cell == cells) {
                 sum = (sum.0 + y.norm_sqr(), sum.1 + 1.0);
             }
             3.0 * sum.0 / f64::max(sum.1, 1.0)
         };
         let levels = [power(false), power(true)];
-        // Once to learn how far the table turns, once with that.
-        let mut motion = [Vector6::<f64>::zeros(), Vector6::zeros()];
-        let mut spread = DMatrix::<f64>::zeros(6, 6);
-        for pass in 0..2 {
-            let turning = motion
-                .iter()
-                .map(|a| a.fixed_rows::<3>(3).norm_squared())
-                .sum::<f64>();
-            let variance = |c: usize| {
-                let own = noise[c] * scale(c);
-                let [gain, direction, shift] = DIFFERENCES;
-                let turned = direction * direction * levels[usize::from(all[c].cell)];
-                let moved = if pass > 0 {
-                    shift * shift * turning
-                } else {
-                    0.0
-                };
-                let nothing = if freed.contains(&c) {
-                    FREED * levels[0]
-                } else {
-                    0.0
-                };
-                let averaged = if all[c].structure {
-                    extrapolated
-                } else {
-                    averaged
-                };
-                own * own * averaged + gain * gain * y[c].norm_sqr() + turned + moved + nothing
-            };
-            let v: Vec<f64> = (0..sensors).map(variance).collect();
-            let a = DMatrix::from_fn(sensors, 6, |c, j| {
-                row(&all[c], None, &carry)[j] / v[c].sqrt()
-            });
-            let Ok(inverse) = a.clone().pseudo_inverse(ROUNDING * a.norm()) else {
-                return 0.0;
-            };
-            let mut rest = 0.0;
-            for (part, motion) in motion.iter_mut().enumerate() {
-                let b = DVector::from_fn(sensors, |c, _| [y[c].re, y[c].im][part] / v[c].sqrt());
-                let solved = &inverse * &b;
-                rest += (b - &a * &solved).norm_squared();
-                *motion = Vector6::from_fn(|i, _| solved[i]);
-            }
-            spread = &inverse * inverse.transpose();
-            if pass > 0 {
-                left += rest;
-            }
+        Self { y, levels, carry }
+    }
+
+    /// Real or imaginary part of a reading.
+    fn part(&self, channel: usize, part: usize) -> f64 {
+        [self.y[channel].re, self.y[channel].im][part]
+    }
+}
+
+impl Test {
+    fn of(scene: &Scene<'_>) -> Self {
+        let model = scene.clean.model();
+        let m = &model.measurement;
+        let [low, high] = m.averaging_band;
+        // A delay shows most at the top of the band, and counts as its mean square there.
+        let rms = ((high.powi(3) - low.powi(3)) / (3.0 * (high - low))).sqrt();
+        let truth = true_setup(scene.clean);
+        let mut faulty = truth.clone();
+        let (faults, mended) = (scene.faults, scene.mended);
+        faults.iter().for_each(|fault| fault.misstate(&mut faulty));
+        mended.iter().for_each(|fault| mend(&mut faulty, fault));
+        let averaged = 0.45 / (m.duration * (high - low));
+        let of_accelerometers = faulty.accelerometers.iter().map(|a| a.scale);
+        let of_cells = faulty.load_cells.iter().map(|cell| cell.scale);
+        let scales: Vec<f64> = of_accelerometers.chain(of_cells).collect();
+        let noise = scene.clean.noise(scene.level);
+        let noise = noise
+            .iter()
+            .zip(&scales)
+            .map(|(noise, scale)| noise * scale);
+        Self {
+            all: channels(&faulty),
+            truth: channels(&truth),
+            accelerometers: faulty.accelerometers.len(),
+            quantities: faulty.load_cells.iter().map(|cell| cell.quantity).collect(),
+            noise: noise.collect(),
+            scales,
+            freed: scene.freed(),
+            averaged,
+            extrapolated: averaged * extrapolation([low, high]),
+            frequency: 0.5 * (low + high),
+            turn: -std::f64::consts::TAU * rms / m.sample_rate,
+            body: model.specimen.mass_matrix,
         }
-        // The balance of forces: six resultants, of which the load cells measure some.
-        let cells: Vec<usize> = (sensors..all.len()).collect();
-        let x = DMatrix::from_fn(6, cells.len(), |i, k| {
-            row(&all[cells[k]], quantity(cells[k]), &carry)[i]
+    }
+
+    /// Variance of a reading that is taken for nothing, `level` being the mean square of its kind; none of others.
+    fn nothing(&self, channel: usize, level: f64) -> f64 {
+        if self.freed.contains(&channel) {
+            FREED * level
+        } else {
+            0.0
+        }
+    }
+
+    /// Solves for the table's motion, once to learn how far it turns, once with that.
+    fn motion(&self, run: &RunReadings) -> Option<Motion> {
+        let first = self.motion_of_turning(run, 0.0)?;
+        let turning = |a: &Vector6<f64>| a.fixed_rows::<3>(3).norm_squared();
+        self.motion_of_turning(run, first.parts.iter().map(turning).sum())
+    }
+
+    /// Solves for the motion of a table whose angular acceleration has a mean square of `turning`, rad²/s⁴.
+    fn motion_of_turning(&self, run: &RunReadings, turning: f64) -> Option<Motion> {
+        let sensors = self.accelerometers;
+        let [gain, direction, shift] = DIFFERENCES;
+        let variance = |c: usize| {
+            let turned = direction * direction * run.levels[usize::from(self.all[c].cell)];
+            let averaged = if self.all[c].structure {
+                self.extrapolated
+            } else {
+                self.averaged
+            };
+            self.noise[c] * self.noise[c] * averaged
+                + gain * gain * run.y[c].norm_sqr()
+                + turned
+                + shift * shift * turning
+                + self.nothing(c, run.levels[0])
+        };
+        let v: Vec<f64> = (0..sensors).map(variance).collect();
+        let a = DMatrix::from_fn(sensors, 6, |c, j| {
+            row(&self.all[c], None, &run.carry)[j] / v[c].sqrt()
         });
-        let truth = channels(&truth);
-        let true_x = DMatrix::from_fn(6, cells.len(), |i, k| {
-            row(&truth[cells[k]], quantity(cells[k]), &carry)[i]
+        let inverse = a.clone().pseudo_inverse(ROUNDING * a.norm()).ok()?;
+        let mut left = 0.0;
+        let parts = [0, 1].map(|part| {
+            let b = DVector::from_fn(sensors, |c, _| run.part(c, part) / v[c].sqrt());
+            let solved = &inverse * &b;
+            left += (b - &a * &solved).norm_squared();
+            Vector6::from_fn(|i, _| solved[i])
         });
-        let measured = true_x.clone().svd(true, false);
-        let Some(u) = measured.u else { return 0.0 };
+        Some(Motion {
+            parts,
+            covariance: &inverse * inverse.transpose(),
+            left,
+        })
+    }
+
+    /// Adds a run's balance of forces: six resultants, of which the load cells measure some.
+    fn balance(
+        &self,
+        run: &RunReadings,
+        motion: &Motion,
+        equations: &mut BodyEquations,
+    ) -> Option<()> {
+        let carry = &run.carry;
+        let cells: Vec<usize> = (self.accelerometers..self.all.len()).collect();
+        let resultants = |of: &[At]| {
+            DMatrix::from_fn(6, cells.len(), |i, k| {
+                row(&of[cells[k]], Some(self.quantities[k]), carry)[i]
+            })
+        };
+        let x = resultants(&self.all);
+        let measured = resultants(&self.truth).svd(true, false);
+        let u = measured.u?;
         let count = measured
             .singular_values
             .iter()
             .filter(|s| **s > 1e-6 * measured.singular_values.max())
             .count();
         let select = u.columns(0, count).transpose();
-        let mut covariance = DMatrix::<f64>::zeros(6, 6);
-        for (k, &c) in cells.iter().enumerate() {
-            let own = noise[c] * scale(c);
-            let [gain, direction, shift] = DIFFERENCES;
-            let v = own * own * extrapolated
-                + gain * gain * y[c].norm_sqr()
-                + direction * direction * levels[1]
-                + if freed.contains(&c) {
-                    FREED * levels[1]
-                } else {
-                    0.0
-                };
-            covariance += x.column(k) * x.column(k).transpose() * v;
-            if quantity(c) == Some(Quantity::Force) {
-                for axis in 0..3 {
-                    let moment = Vector3::ith(axis, 1.0).cross(&all[c].direction);
-                    let x = DVector::from_vec(vec![0.0, 0.0, 0.0, moment.x, moment.y, moment.z]);
-                    covariance += &x * x.transpose() * (shift * shift * y[c].norm_sqr());
-                }
-            }
-        }
-        let body = carry.tr_mul(&model.specimen.mass_matrix) * carry;
+        let mut covariance = self.of_resultants(run, &x);
+        let body = carry.tr_mul(&self.body) * carry;
         let body = DMatrix::from_fn(6, 6, |i, j| body[(i, j)]);
-        covariance += &body * &spread * body.transpose();
+        covariance += &body * &motion.covariance * body.transpose();
         let covariance = &select * covariance * select.transpose();
         let floor = ROUNDING * covariance.trace();
         let covariance = covariance + DMatrix::identity(count, count) * floor;
-        let Some(factor) = covariance.cholesky() else {
-            return 0.0;
-        };
-        for (part, motion) in motion.iter().enumerate() {
-            let force =
-                &x * DVector::from_fn(cells.len(), |k, _| [y[cells[k]].re, y[cells[k]].im][part]);
-            let back = carry.transpose();
-            let lines = back * rows(&(carry * motion));
+        let factor = covariance.cholesky()?;
+        for (part, motion) in motion.parts.iter().enumerate() {
+            let force = &x * DVector::from_fn(cells.len(), |k, _| run.part(cells[k], part));
+            let lines = carry.transpose() * rows(&(carry * motion));
             let lines = &select * DMatrix::from_fn(6, 10, |i, p| lines[(i, p)]);
-            let (Some(lines), Some(force)) = (
-                factor.l().solve_lower_triangular(&lines),
-                factor.l().solve_lower_triangular(&(&select * force)),
-            ) else {
-                return 0.0;
-            };
+            let lines = factor.l().solve_lower_triangular(&lines)?;
+            let force = factor.l().solve_lower_triangular(&(&select * force))?;
             for i in 0..count {
-                design.push(std::array::from_fn(|p| lines[(i, p)]));
-                target.push(force[i]);
+                equations.add(std::array::from_fn(|p| lines[(i, p)]), force[i]);
             }
         }
+        Some(())
     }
-    if let Some(weighed) = clean.setup.known_mass {
+
+    /// Covariance of the six resultants, to which the load cells contribute by the columns of `x`.
+    fn of_resultants(&self, run: &RunReadings, x: &DMatrix<f64>) -> DMatrix<f64> {
+        let [gain, direction, shift] = DIFFERENCES;
+        let mut covariance = DMatrix::<f64>::zeros(6, 6);
+        for (k, quantity) in self.quantities.iter().enumerate() {
+            let c = self.accelerometers + k;
+            let v = self.noise[c] * self.noise[c] * self.extrapolated
+                + gain * gain * run.y[c].norm_sqr()
+                + direction * direction * run.levels[1]
+                + self.nothing(c, run.levels[1]);
+            covariance += x.column(k) * x.column(k).transpose() * v;
+            if *quantity == Quantity::Force {
+                for axis in 0..3 {
+                    let moment = Vector3::ith(axis, 1.0).cross(&self.all[c].direction);
+                    let x = DVector::from_vec(vec![0.0, 0.0, 0.0, moment.x, moment.y, moment.z]);
+                    covariance += &x * x.transpose() * (shift * shift * run.y[c].norm_sqr());
+                }
+            }
+        }
+        covariance
+    }
+}
+
+/// Equations of the body's ten numbers, each of unit variance.
+#[derive(Default)]
+struct BodyEquations {
+    design: Vec<[f64; 10]>,
+    target: Vec<f64>,
+}
+
+impl BodyEquations {
+    fn add(&mut self, row: [f64; 10], target: f64) {
+        self.design.push(row);
+        self.target.push(target);
+    }
+
+    /// Adds a mass that was weighed, kg.
+    fn weigh(&mut self, weighed: f64) {
         let mut row = [0.0; 10];
         row[0] = 1.0 / (WEIGHED * weighed);
-        design.push(row);
-        target.push(1.0 / WEIGHED);
+        self.add(row, 1.0 / WEIGHED);
     }
-    let lengths: [f64; 10] = std::array::from_fn(|p| {
-        design
-            .iter()
-            .map(|row| row[p] * row[p])
-            .sum::<f64>()
-            .sqrt()
-            .max(f64::MIN_POSITIVE)
-    });
-    let design = DMatrix::from_fn(design.len(), 10, |i, p| design[i][p] / lengths[p]);
-    let target = DVector::from_vec(target);
-    let Ok(inverse) = design.clone().pseudo_inverse(1e-7) else {
-        return 0.0;
-    };
-    let body = &inverse * &target;
-    // No mass and no moment of inertia is negative.
-    let projection = &inverse * &design;
-    let spread = &inverse * inverse.transpose();
-    let impossible = [0, 4, 5, 6].map(|p| match projection[(p, p)] > 1.0 - 1e-6 {
-        true => body[p].min(0.0).powi(2) / spread[(p, p)],
-        false => 0.0,
-    });
-    let impossible = impossible.into_iter().fold(0.0, f64::max);
-    left + (&target - &design * body).norm_squared() + impossible
+
+    /// Sum of squares that one body leaves, and the square by which the most impossible of its numbers is so: no mass
+    /// and no moment of inertia is negative.
+    fn left(&self) -> Option<[f64; 2]> {
+        let lengths: [f64; 10] = std::array::from_fn(|p| {
+            let squares: f64 = self.design.iter().map(|row| row[p] * row[p]).sum();
+            squares.sqrt().max(f64::MIN_POSITIVE)
+        });
+        let rows = self.design.len();
+        let design = DMatrix::from_fn(rows, 10, |i, p| self.design[i][p] / lengths[p]);
+        let target = DVector::from_column_slice(&self.target);
+        let inverse = design.clone().pseudo_inverse(1e-7).ok()?;
+        let body = &inverse * &target;
+        let projection = &inverse * &design;
+        let spread = &inverse * inverse.transpose();
+        let impossible = [0, 4, 5, 6].map(|p| match projection[(p, p)] > 1.0 - 1e-6 {
+            true => body[p].min(0.0).powi(2) / spread[(p, p)],
+            false => 0.0,
+        });
+        let squares = (&target - &design * body).norm_squared();
+        Some([squares, impossible.into_iter().fold(0.0, f64::max)])
+    }
 }
 
 /// The set-up as the sensors are.
