@@ -99,49 +99,120 @@ fn searched(
     threads: usize,
     progress: &mut dyn FnMut(Progress),
 ) -> Option<(Model, Outcome)> {
-    let mut freedom = Freedom::least(body.free);
-    let runs = 1 + records.iter().map(|r| r.run).max()?;
-    let lines = records.iter().map(|r| r.frequencies.len()).max()?;
-    let thin = |wanted: usize| -> (usize, Vec<Record>) {
-        let step = (lines / wanted).max(1);
-        let thinned = records.iter().enumerate();
-        // Records take turns, so that together they miss nothing.
-        let every = |(e, r): (usize, &Record)| r.thinned(e % step, step, f64::INFINITY);
-        (step, thinned.map(every).collect())
-    };
-    let unit = highest(records);
-    let groups = Groups::new(records, excited)?;
-    let count = real_equations(records) as f64;
-    let threshold = (8.0 + 2.0 * runs as f64) * count.ln();
-
-    let mut model = Model::rigid([0.0; RIGID], unit, runs);
-    body.put(&mut model);
-    model.upper = Some([0.0; SYMMETRIC]);
-    let mut tell = |modes: usize, misfit: f64| {
+    let search = Search::of(records, excited, body, threads)?;
+    let mut tell = |found: &Descent| {
         progress(Progress {
             stage: Stage::Modes,
-            modes,
+            modes: found.model.modes.len(),
             iteration: 0,
-            misfit,
+            misfit: found.misfit,
         });
     };
-    let mut wanted = LINES;
-    let mut now: Option<Descent> = None;
-    let mut now = loop {
-        let (step, some) = thin(wanted);
-        let problem = body.problem(&some, threads);
-        let mut found = refit(&problem, freedom, now.as_ref().map_or(&model, |n| &n.model))?;
-        // All lines together decide on a mode, but those that are left have to show it.
-        let least = (threshold / step as f64).max(CHANCE);
-        let noise = 0.5 * RATIO * real_equations(&some) as f64;
+    let mut freedom = Freedom::least(body.free);
+    let (mut found, outcome) = search.within(order, &mut freedom, &mut tell)?;
+    if outcome == Outcome::Whole {
+        found = search.beyond(found, freedom, &mut tell)?;
+    }
+    Some((found.model, outcome))
+}
+
+/// A search for modes in records.
+struct Search<'a> {
+    records: &'a [Record],
+    excited: &'a Excited,
+    body: &'a Body,
+    threads: usize,
+    groups: Groups,
+    /// Number of runs, and of lines of the longest record.
+    runs: usize,
+    lines: usize,
+    /// Highest line, Hz.
+    unit: f64,
+    /// Natural logarithm of the number of real equations: the fall of 2V that a parameter has to be worth (Schwarz 1978).
+    worth: f64,
+}
+
+impl<'a> Search<'a> {
+    fn of(
+        records: &'a [Record],
+        excited: &'a Excited,
+        body: &'a Body,
+        threads: usize,
+    ) -> Option<Self> {
+        Some(Self {
+            records,
+            excited,
+            body,
+            threads,
+            groups: Groups::new(records, excited)?,
+            runs: 1 + records.iter().map(|r| r.run).max()?,
+            lines: records.iter().map(|r| r.frequencies.len()).max()?,
+            unit: highest(records),
+            worth: (real_equations(records) as f64).ln(),
+        })
+    }
+
+    /// Some `wanted` lines of each record, and the number of lines from one to the next.
+    fn thinned(&self, wanted: usize) -> (usize, Vec<Record>) {
+        let step = (self.lines / wanted).max(1);
+        let records = self.records.iter().enumerate();
+        // Records take turns, so that together they miss nothing.
+        let every = |(e, r): (usize, &Record)| r.thinned(e % step, step, f64::INFINITY);
+        (step, records.map(every).collect())
+    }
+
+    /// Looks for modes within the lines, of few lines first, of more as long as fewer would not show a mode that all of
+    /// them together tell.
+    fn within(
+        &self,
+        order: Freed,
+        freedom: &mut Freedom,
+        tell: &mut dyn FnMut(&Descent),
+    ) -> Option<(Descent, Outcome)> {
+        let threshold = (8.0 + 2.0 * self.runs as f64) * self.worth;
+        let mut model = Model::rigid([0.0; RIGID], self.unit, self.runs);
+        self.body.put(&mut model);
+        model.upper = Some([0.0; SYMMETRIC]);
+        let mut wanted = LINES;
+        loop {
+            let (step, some) = self.thinned(wanted);
+            let problem = self.body.problem(&some, self.threads);
+            // All lines together decide on a mode, but those that are left have to show it.
+            let least = (threshold / step as f64).max(CHANCE);
+            let found = refit(&problem, *freedom, &model)?;
+            let (found, outcome) =
+                self.with_modes(&problem, found, order, (freedom, least), tell)?;
+            if outcome == Outcome::Hopeless {
+                return Some((found, outcome));
+            }
+            let found = pruned(&problem, (*freedom, self.runs), found, least)?;
+            if CHANCE * step as f64 <= threshold {
+                return Some((found, outcome));
+            }
+            model = found.model;
+            wanted *= FINER;
+        }
+    }
+
+    /// Adds modes as long as each takes more than `least` off 2V.
+    fn with_modes(
+        &self,
+        problem: &Problem<'_>,
+        mut found: Descent,
+        order: Freed,
+        (freedom, least): (&mut Freedom, f64),
+        tell: &mut dyn FnMut(&Descent),
+    ) -> Option<(Descent, Outcome)> {
+        let noise = 0.5 * RATIO * real_equations(problem.records) as f64;
         let mut falls = Vec::new();
         while found.model.modes.len() < MOST_MODES {
-            tell(found.model.modes.len(), found.misfit);
-            let own = of_a_mode(freedom, runs);
-            let tried = groups.best(&found.model).into_iter().filter_map(|mode| {
+            tell(&found);
+            let own = of_a_mode(*freedom, self.runs);
+            let tried = self.groups.best(&found.model).into_iter();
+            let tried = tried.filter_map(|mode| {
                 let mut tried = found.model.clone();
                 tried.push(mode);
-                settled(&problem, freedom, &tried)
+                settled(problem, *freedom, &tried)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let better = best.filter(|b| 2.0 * (found.misfit - b.misfit) - own > least);
@@ -149,13 +220,13 @@ fn searched(
             // explains more is taken first, if it is not to wait.
             let freed = match (order, &better) {
                 (Freed::Late, Some(_)) => None,
-                _ => freed(&problem, freedom, &found, runs, least),
+                _ => freed(problem, *freedom, &found, self.runs, least),
             };
             let before = |b: &Descent| better.as_ref().is_none_or(|m| b.misfit < m.misfit);
             let from = found.misfit;
             found = match freed.filter(before) {
                 Some(freed) => {
-                    freedom = Freedom::all(body.free);
+                    *freedom = Freedom::all(self.body.free);
                     freed
                 }
                 None => match better {
@@ -166,55 +237,59 @@ fn searched(
             falls.push(from - found.misfit);
             let left = MOST_MODES - found.model.modes.len();
             if is_hopeless(found.misfit, &falls, left, noise) {
-                return Some((found.model, Outcome::Hopeless));
+                return Some((found, Outcome::Hopeless));
             }
         }
-        found = pruned(&problem, (freedom, runs), found, least)?;
-        if CHANCE * step as f64 <= threshold {
-            break found;
-        }
-        now = Some(found);
-        wanted *= FINER;
-    };
-    let all = body.problem(records, threads);
-    let mut known: Option<Rest> = None;
-    for wanted in [LINES, MORE_LINES] {
-        let (step, some) = thin(wanted);
-        let problem = body.problem(&some, threads);
-        for turn in 0..2 {
-            let rest = match known.take() {
-                Some(rest) => rest,
-                None => Rest::of(&all, &now.model, freedom)?,
-            };
-            let threshold = match wanted {
-                LINES => rest.terms() * count.ln(),
-                _ => rest.chance(TRIED),
-            };
-            if rest.statistic <= threshold {
-                known = Some(rest);
-                break;
-            }
-            if wanted != LINES && turn == 0 {
-                now = refit(&problem, freedom, &now.model)?;
-            }
-            let tried = BEYOND.iter().filter_map(|share| {
-                let mut model = now.model.clone();
-                model.push(beyond(&model, excited, unit * share)?);
-                model.upper = Some([0.0; SYMMETRIC]);
-                settled(&problem, freedom, &model)
-            });
-            let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
-            let Some(better) = best.filter(|b| {
-                let gain = 2.0 * (now.misfit - b.misfit) - of_a_mode(freedom, runs);
-                gain * step as f64 > threshold
-            }) else {
-                break;
-            };
-            now = better;
-            tell(now.model.modes.len(), now.misfit);
-        }
+        Some((found, Outcome::Whole))
     }
-    Some((now.model, Outcome::Whole))
+
+    /// Adds modes beyond the lines where the terms E are more than noise: at most two by few lines, and two by more.
+    fn beyond(
+        &self,
+        mut now: Descent,
+        freedom: Freedom,
+        tell: &mut dyn FnMut(&Descent),
+    ) -> Option<Descent> {
+        let all = self.body.problem(self.records, self.threads);
+        let mut known: Option<Rest> = None;
+        for wanted in [LINES, MORE_LINES] {
+            let (step, some) = self.thinned(wanted);
+            let problem = self.body.problem(&some, self.threads);
+            for turn in 0..2 {
+                let rest = match known.take() {
+                    Some(rest) => rest,
+                    None => Rest::of(&all, &now.model, freedom)?,
+                };
+                let threshold = match wanted {
+                    LINES => rest.terms() * self.worth,
+                    _ => rest.chance(TRIED),
+                };
+                if rest.statistic <= threshold {
+                    known = Some(rest);
+                    break;
+                }
+                if wanted != LINES && turn == 0 {
+                    now = refit(&problem, freedom, &now.model)?;
+                }
+                let tried = BEYOND.iter().filter_map(|share| {
+                    let mut model = now.model.clone();
+                    model.push(beyond(&model, self.excited, self.unit * share)?);
+                    model.upper = Some([0.0; SYMMETRIC]);
+                    settled(&problem, freedom, &model)
+                });
+                let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
+                let Some(better) = best.filter(|b| {
+                    let gain = 2.0 * (now.misfit - b.misfit) - of_a_mode(freedom, self.runs);
+                    gain * step as f64 > threshold
+                }) else {
+                    break;
+                };
+                now = better;
+                tell(&now);
+            }
+        }
+        Some(now)
+    }
 }
 
 /// `true` if V cannot fall to that of noise with as many modes as are `left`, of which none explains more than

@@ -37,58 +37,26 @@ fn recognises(start: &[u8]) -> bool {
 fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
     let scan::Found { sets, notes, nodes } = scan::scan(&bytes)?;
     let Some(first) = sets.first() else {
-        return Err(RecordingError::Malformed {
-            file: bytes.file.clone(),
-            place: None,
-            mismatch: Box::new(Mismatch {
-                channel: String::new(),
-                found: match notes.as_slice() {
-                    [] => "it holds no dataset".to_owned(),
-                    notes => notes.join("; "),
-                },
-                expected: "time histories or complex frequency responses in datasets 58".to_owned(),
-                advice: "export the time histories of the test",
-            }),
-        });
+        return Err(without_sets(&bytes, &notes));
     };
     let complex = first.header.is_complex();
-    let names = names(&sets, complex);
     // Channels of one recording share their samples. A set that does not is refused when it is
     // asked for.
     let usual = most_common(sets.iter().map(|set| set.header.abscissa()));
     let shared = sets.iter().find(|set| Some(set.header.abscissa()) == usual);
     let shared = shared.unwrap_or(first).clone();
-    let (samples, uneven) = (shared.header.points, !shared.header.even);
-    let mut channels = Vec::new();
-    // The set and the part of its points that are each channel; no set: the shared one.
-    let mut parts = Vec::new();
-    let mut positions = Vec::new();
-    let parts_of_set: &[(&str, Part)] = match complex {
-        true => &[(".re", Part::Ordinate), (".im", Part::Imaginary)],
-        false => &[("", Part::Ordinate)],
+    let uneven = !shared.header.even;
+    let Listed {
+        mut channels,
+        mut parts,
+        positions,
+    } = listed(&sets, &nodes, complex);
+    let abscissa = match (complex, uneven) {
+        (true, _) => Some(("frequency", "Hz")),
+        (false, true) => Some(("time", "s")),
+        (false, false) => None,
     };
-    for (number, (set, name)) in sets.iter().zip(names).enumerate() {
-        let node = set.header.response.node;
-        let direction = set.header.response.direction();
-        let turned = nodes.turned(node);
-        // A name that looks like a direction of the global system would be taken for one.
-        let name = turned.map_or_else(|| name.clone(), |system| format!("{name} in {system}"));
-        for (end, part) in parts_of_set {
-            positions.push(nodes.position(node));
-            channels.push(Channel {
-                name: format!("{name}{end}"),
-                unit: set.unit.clone(),
-                direction: direction.filter(|_| turned.is_none()),
-            });
-            parts.push((Some(number), *part));
-        }
-    }
-    if uneven || complex {
-        let (name, unit) = if complex {
-            ("frequency", "Hz")
-        } else {
-            ("time", "s")
-        };
+    if let Some((name, unit)) = abscissa {
         channels.push(Channel {
             name: name.to_owned(),
             unit: Some(unit.to_owned()),
@@ -97,11 +65,6 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         parts.push((None, Part::Abscissa));
     }
     let channels = with_units(channels);
-    let time = (uneven && !complex).then_some(sets.len());
-    let rate = (!uneven && !complex).then(|| StatedRate {
-        value: 1.0 / shared.header.step,
-        place: "its abscissa",
-    });
     let binary = sets.iter().filter(|set| set.binary.is_some()).count();
     let over = if complex {
         ", responses over frequency"
@@ -112,57 +75,127 @@ fn columns(bytes: Rc<Bytes>) -> Result<Columns, RecordingError> {
         "universal file, {} of dataset 58 ({binary} binary){over}",
         sets.len()
     );
-    let labels: Vec<String> = channels.iter().map(|c| c.name.clone()).collect();
-    let open = move |channel: usize| -> Result<Box<dyn Series>, RecordingError> {
-        let label = labels.get(channel).map_or("", String::as_str);
-        let part = parts.get(channel);
-        let set = part.map(|(number, _)| number.map_or(Some(&shared), |number| sets.get(number)));
-        let (Some(&(_, part)), Some(Some(set))) = (part, set) else {
-            return Err(bytes.malformed(Place::Byte(0), label, "nothing", "a channel"));
-        };
-        let other = |found: String, expected: String, advice| RecordingError::Malformed {
-            file: bytes.file.clone(),
-            place: Some(Place::Line(set.line)),
-            mismatch: Box::new(Mismatch {
-                channel: label.to_owned(),
-                found,
-                expected: format!("{expected} as the other channels have"),
-                advice,
-            }),
-        };
-        if set.header.abscissa() != shared.header.abscissa() {
-            return Err(other(
-                set.header.described(),
-                shared.header.described(),
-                "channels of one recording share their samples: export the others to a file of their own",
-            ));
-        }
-        let per = |set: &Set| set.header.denominator.clone();
-        if complex && per(set) != per(&shared) {
-            let unit = |set| match per(set) {
-                Some((_, _, Some(unit))) => format!("a response per {unit}"),
-                Some((quantity, ..)) => format!("a response per quantity of type {quantity}"),
-                None => "a response per nothing".to_owned(),
-            };
-            return Err(other(
-                unit(set),
-                unit(&shared),
-                "the responses of a run are to one drive in one unit: export them alike",
-            ));
-        }
-        series::open(&bytes, set, label, part, Some(&shared).filter(|_| uneven))
-    };
     Ok(Columns {
-        channels,
         positions,
-        samples,
-        rate,
-        time,
+        samples: shared.header.points,
+        rate: (!uneven && !complex).then(|| StatedRate {
+            value: 1.0 / shared.header.step,
+            place: "its abscissa",
+        }),
+        time: (uneven && !complex).then_some(sets.len()),
         form,
         notes,
-        open: Box::new(open),
+        open: {
+            let labels: Vec<String> = channels.iter().map(|c| c.name.clone()).collect();
+            Box::new(
+                move |channel: usize| -> Result<Box<dyn Series>, RecordingError> {
+                    let label = labels.get(channel).map_or("", String::as_str);
+                    let set = |number: Option<usize>| match number {
+                        Some(number) => sets.get(number),
+                        None => Some(&shared),
+                    };
+                    let part = parts.get(channel);
+                    let Some((set, part)) = part.and_then(|(of, part)| Some((set(*of)?, *part)))
+                    else {
+                        return Err(bytes.malformed(Place::Byte(0), label, "nothing", "a channel"));
+                    };
+                    suits(set, &shared, &bytes, label)?;
+                    series::open(&bytes, set, label, part, Some(&shared).filter(|_| uneven))
+                },
+            )
+        },
+        channels,
         reading: Reading::default(),
     })
+}
+
+/// The error of a file without a set that can be read, by what was noted of the others.
+fn without_sets(bytes: &Bytes, notes: &[String]) -> RecordingError {
+    RecordingError::Malformed {
+        file: bytes.file.clone(),
+        place: None,
+        mismatch: Box::new(Mismatch {
+            channel: String::new(),
+            found: match notes {
+                [] => "it holds no dataset".to_owned(),
+                notes => notes.join("; "),
+            },
+            expected: "time histories or complex frequency responses in datasets 58".to_owned(),
+            advice: "export the time histories of the test",
+        }),
+    }
+}
+
+/// Channels of all sets, side by side with the set and the part of its points that each is.
+struct Listed {
+    channels: Vec<Channel>,
+    /// Without the number of a set: of that which all share.
+    parts: Vec<(Option<usize>, Part)>,
+    positions: Vec<Option<[f64; 3]>>,
+}
+
+fn listed(sets: &[Set], nodes: &nodes::Nodes, complex: bool) -> Listed {
+    let mut listed = Listed {
+        channels: Vec::new(),
+        parts: Vec::new(),
+        positions: Vec::new(),
+    };
+    let parts_of_set: &[(&str, Part)] = match complex {
+        true => &[(".re", Part::Ordinate), (".im", Part::Imaginary)],
+        false => &[("", Part::Ordinate)],
+    };
+    for (number, (set, name)) in sets.iter().zip(names(sets, complex)).enumerate() {
+        let node = set.header.response.node;
+        let direction = set.header.response.direction();
+        let turned = nodes.turned(node);
+        // A name that looks like a direction of the global system would be taken for one.
+        let name = turned.map_or_else(|| name.clone(), |system| format!("{name} in {system}"));
+        for (end, part) in parts_of_set {
+            listed.positions.push(nodes.position(node));
+            listed.channels.push(Channel {
+                name: format!("{name}{end}"),
+                unit: set.unit.clone(),
+                direction: direction.filter(|_| turned.is_none()),
+            });
+            listed.parts.push((Some(number), *part));
+        }
+    }
+    listed
+}
+
+/// Checks that a set shares the samples of the others, and of responses the drive and its unit.
+fn suits(set: &Set, shared: &Set, bytes: &Bytes, label: &str) -> Result<(), RecordingError> {
+    let other = |found: String, expected: String, advice| RecordingError::Malformed {
+        file: bytes.file.clone(),
+        place: Some(Place::Line(set.line)),
+        mismatch: Box::new(Mismatch {
+            channel: label.to_owned(),
+            found,
+            expected: format!("{expected} as the other channels have"),
+            advice,
+        }),
+    };
+    if set.header.abscissa() != shared.header.abscissa() {
+        return Err(other(
+            set.header.described(),
+            shared.header.described(),
+            "channels of one recording share their samples: export the others to a file of their own",
+        ));
+    }
+    let per = |set: &Set| set.header.denominator.clone();
+    if shared.header.is_complex() && per(set) != per(shared) {
+        let unit = |set| match per(set) {
+            Some((_, _, Some(unit))) => format!("a response per {unit}"),
+            Some((quantity, ..)) => format!("a response per quantity of type {quantity}"),
+            None => "a response per nothing".to_owned(),
+        };
+        return Err(other(
+            unit(set),
+            unit(shared),
+            "the responses of a run are to one drive in one unit: export them alike",
+        ));
+    }
+    Ok(())
 }
 
 /// A way to name a set; `None` where it has no such name.
