@@ -50,32 +50,88 @@ pub(super) fn fitted(
     tolerance: f64,
     motion: &[Motion],
 ) -> Vec<Hypothesis> {
-    let chi2 = |fault: &Fault| Some(mended(bench, state, fault, tolerance, motion)?.chi2);
-    let live = state.live();
+    let trial = Trial {
+        bench,
+        state,
+        quiet,
+        tolerance,
+        motion,
+        live: state.live(),
+    };
     let mut all = Vec::new();
-    let class = live.len();
-    for &channel in &live {
+    for &channel in &trial.live {
         if quiet.contains(&channel) {
-            let dead = without(state, &Fault::Dead { channel });
-            let others = bench.motion(&dead, tolerance);
-            let expected = others.is_some_and(|m| bench.expects(state, &m, channel, quiet));
-            if expected {
-                all.push(Hypothesis {
-                    fault: Fault::Dead { channel },
-                    free: 0,
-                    class,
-                    doubt: 0.0,
-                });
-            }
-            continue;
+            all.extend(trial.dead(channel));
+        } else {
+            all.extend(trial.gain(channel));
+            all.push(trial.unlisted(channel));
         }
+    }
+    let places = places(&state.sensors, &|i| state.is_live(i));
+    let moved = places.iter().filter_map(|place| trial.position(place));
+    all.extend(moved.map(|fault| Hypothesis {
+        fault,
+        free: 3,
+        class: places.len(),
+        doubt: 0.0,
+    }));
+    let cross = trial.cross_talks();
+    let class = cross.len().max(trial.live.len() * 4);
+    all.extend(cross.into_iter().map(|fault| Hypothesis {
+        fault,
+        free: 1,
+        class,
+        doubt: 0.0,
+    }));
+    all
+}
+
+/// A state of the set-up, of which faults are tried.
+struct Trial<'a> {
+    bench: &'a Bench,
+    state: &'a State,
+    /// Channels that hardly read anything.
+    quiet: &'a [usize],
+    tolerance: f64,
+    motion: &'a [Motion],
+    /// Channels that count.
+    live: Vec<usize>,
+}
+
+impl Trial<'_> {
+    /// χ² of the set-up without a fault.
+    fn chi2(&self, fault: &Fault) -> Option<f64> {
+        let mended = mended(self.bench, self.state, fault, self.tolerance, self.motion);
+        Some(mended?.chi2)
+    }
+
+    /// A fault of a channel.
+    fn of_channel(&self, fault: Fault, free: usize) -> Hypothesis {
+        Hypothesis {
+            fault,
+            free,
+            class: self.live.len(),
+            doubt: 0.0,
+        }
+    }
+
+    /// A quiet channel that is dead, where the others expect a signal of it.
+    fn dead(&self, channel: usize) -> Option<Hypothesis> {
+        let others = without(self.state, &Fault::Dead { channel });
+        let motion = self.bench.motion(&others, self.tolerance)?;
+        let expected = self.bench.expects(self.state, &motion, channel, self.quiet);
+        expected.then(|| self.of_channel(Fault::Dead { channel }, 0))
+    }
+
+    /// A gain of a channel.
+    fn gain(&self, channel: usize) -> Option<Hypothesis> {
         let of = |x: f64| Fault::Gain {
             channel,
             factor: x.exp(),
         };
         // What is left is nearly a square in the factor that mends it: three points tell it.
         let square = |x: f64| {
-            chi2(&Fault::Gain {
+            self.chi2(&Fault::Gain {
                 channel,
                 factor: 1.0 / x,
             })
@@ -87,28 +143,21 @@ pub(super) fn fitted(
             }
             _ => 0.0,
         };
-        if let Some(x) = lowest(&|x| chi2(&of(x)), start, 0.05)
-            && (x.exp() - 1.0).abs() > SMALLEST[0]
-        {
-            all.push(Hypothesis {
-                fault: of(x),
-                free: 1,
-                class,
-                doubt: 0.0,
-            });
-        }
-        all.push(Hypothesis {
-            fault: Fault::Unlisted { channel },
-            free: bench.motions(),
-            class,
-            doubt: 0.0,
-        });
+        let x = lowest(&|x| self.chi2(&of(x)), start, 0.05)?;
+        let is_large = (x.exp() - 1.0).abs() > SMALLEST[0];
+        is_large.then(|| self.of_channel(of(x), 1))
     }
-    let places = places(&state.sensors, &|i| state.is_live(i));
-    for place in &places {
-        let here = state.sensors[place[0]].position;
+
+    /// A channel whose readings are none of the set-up's.
+    fn unlisted(&self, channel: usize) -> Hypothesis {
+        self.of_channel(Fault::Unlisted { channel }, self.bench.motions())
+    }
+
+    /// Another position of the sensors of a place.
+    fn position(&self, place: &[usize]) -> Option<Fault> {
+        let here = self.state.sensors[place[0]].position;
         let of = |shift: Vector3<f64>| Fault::Position {
-            place: place.clone(),
+            place: place.to_vec(),
             position: here + shift,
             mistake: Mistake::Offset,
         };
@@ -119,7 +168,7 @@ pub(super) fn fitted(
                 let along = |x: f64| {
                     let mut other = shift;
                     other[axis] = x;
-                    chi2(&of(other))
+                    self.chi2(&of(other))
                 };
                 let step = if round == 0 { 0.02 } else { 0.005 };
                 if let Some(x) = lowest(&along, shift[axis], step) {
@@ -127,60 +176,47 @@ pub(super) fn fitted(
                 }
             }
         }
-        if shift.norm() > SHORTEST {
-            all.push(Hypothesis {
-                fault: of(shift),
-                free: 3,
-                class: places.len(),
-                doubt: 0.0,
-            });
-        }
+        (shift.norm() > SHORTEST).then(|| of(shift))
     }
-    let mut cross: Vec<(f64, [usize; 2], f64)> = Vec::new();
-    let of = |[channel, from]: [usize; 2], share: f64| Fault::CrossTalk {
-        channel,
-        from,
-        share,
-    };
-    for &channel in &live {
-        for &from in &live {
-            let silent = [channel, from].iter().any(|c| quiet.contains(c));
-            if silent || channel == from || state.sensors[channel].kind != state.sensors[from].kind
-            {
-                continue;
-            }
-            let pair = [channel, from];
-            // The first parabola tells if it is worth going on.
-            let first = [-0.05, 0.0, 0.05].map(|share| chi2(&of(pair, share)));
-            let [Some(a), Some(b), Some(c)] = first else {
-                continue;
-            };
-            let curvature = a + c - 2.0 * b;
-            let x = 0.05 * 0.5 * (a - c) / curvature;
-            if curvature > 0.0 && x.abs() > SMALLEST[1] && x.abs() < 0.5 {
-                cross.push(((a - c).powi(2) / (8.0 * curvature), pair, x));
+
+    /// Cross-talks from one channel to another of its kind, those that explain most first.
+    fn cross_talks(&self) -> Vec<Fault> {
+        let mut cross: Vec<(f64, [usize; 2], f64)> = Vec::new();
+        let of = |[channel, from]: [usize; 2], share: f64| Fault::CrossTalk {
+            channel,
+            from,
+            share,
+        };
+        let sensors = &self.state.sensors;
+        for &channel in &self.live {
+            for &from in &self.live {
+                let silent = [channel, from].iter().any(|c| self.quiet.contains(c));
+                if silent || channel == from || sensors[channel].kind != sensors[from].kind {
+                    continue;
+                }
+                let pair = [channel, from];
+                // The first parabola tells if it is worth going on.
+                let first = [-0.05, 0.0, 0.05].map(|share| self.chi2(&of(pair, share)));
+                let [Some(a), Some(b), Some(c)] = first else {
+                    continue;
+                };
+                let curvature = a + c - 2.0 * b;
+                let x = 0.05 * 0.5 * (a - c) / curvature;
+                if curvature > 0.0 && x.abs() > SMALLEST[1] && x.abs() < 0.5 {
+                    cross.push(((a - c).powi(2) / (8.0 * curvature), pair, x));
+                }
             }
         }
-    }
-    // Those that explain most get their share to the last digit.
-    cross.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (_, pair, share) in cross.iter_mut().take(REFINED) {
-        if let Some(x) = lowest(&|x| chi2(&of(*pair, x)), *share, 0.01) {
-            *share = x;
+        // Those that explain most get their share to the last digit.
+        cross.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (_, pair, share) in cross.iter_mut().take(REFINED) {
+            if let Some(x) = lowest(&|x| self.chi2(&of(*pair, x)), *share, 0.01) {
+                *share = x;
+            }
         }
+        let faults = cross.iter().map(|(_, pair, share)| of(*pair, *share));
+        faults.collect()
     }
-    let cross: Vec<Fault> = cross
-        .iter()
-        .map(|(_, pair, share)| of(*pair, *share))
-        .collect();
-    let class = cross.len().max(class * 4);
-    all.extend(cross.into_iter().map(|fault| Hypothesis {
-        fault,
-        free: 1,
-        class,
-        doubt: 0.0,
-    }));
-    all
 }
 
 /// Moves a position that was found to where it leaves least: its coordinates depend on each other.

@@ -34,57 +34,82 @@ pub(super) fn check(
 ) -> Result<(), MeasureError> {
     for (run, channels) in seen {
         for (channel, health) in channel_names(setup, run).into_iter().zip(channels) {
-            if let Some(Complaint::Clipped { limit, samples }) = health.complaint() {
-                return Err(MeasureError::Clipped {
-                    file: setup.recording_path(run),
-                    channel: channel.to_owned(),
-                    limit,
-                    samples,
-                });
-            }
-            if run.excitation == Excitation::Random
-                && let Some(outlier) = health.outlier()
-            {
-                if outlier.share > MOST {
-                    return Err(MeasureError::Outlier {
-                        file: setup.recording_path(run),
-                        channel: channel.to_owned(),
-                        outlier,
-                    });
-                }
-                warnings.push(format!(
-                    "run \"{}\": sample {} of {channel}, counted from one, reads {}, {} times the channel's RMS: one such reading bends every line of its block. Look at the recording there, and cut it off or record the run again",
-                    run.name,
-                    outlier.sample + 1,
-                    plain(f64::from(outlier.reading), 4),
-                    plain(outlier.crest, 2)
-                ));
-            }
+            readings(setup, run, channel, health, warnings)?;
         }
     }
     let axes = axes(setup);
-    // Of drives, a generator that pauses is no recorder that stops.
-    let is_sensor = |channel: &str| axes.iter().any(|axis| axis.channel == channel);
-    for (run, channels) in seen
-        .iter()
-        .filter(|(run, _)| run.excitation == Excitation::Random)
-    {
-        let names = channel_names(setup, run).into_iter().zip(channels);
-        let held: Vec<_> = names
-            .filter(|(channel, _)| is_sensor(channel))
-            .filter_map(|(channel, health)| Some((channel, health.held()?)))
-            .collect();
-        if let Some((_, longest)) = held.iter().max_by_key(|(_, held)| held.samples) {
-            let channels: Vec<&str> = held.iter().map(|(channel, _)| *channel).collect();
-            warnings.push(format!(
-                "run \"{}\": one and the same reading for {} samples from sample {} on, counted from one, in {}: what the sensors read meanwhile is lost. Look at the recording there, and cut it off or record the run again",
-                run.name,
-                longest.samples,
-                longest.sample + 1,
-                channels.join(", ")
-            ));
+    for (run, channels) in seen {
+        if run.excitation == Excitation::Random {
+            warnings.extend(held(setup, &axes, run, channels));
         }
     }
+    motion(setup, seen, &axes, warnings)
+}
+
+/// Refuses a channel that is clipped, and one with a reading that is most of its power; notes one that stands alone.
+fn readings(
+    setup: &Setup,
+    run: &Run,
+    channel: &str,
+    health: &ChannelHealth,
+    warnings: &mut Vec<String>,
+) -> Result<(), MeasureError> {
+    if let Some(Complaint::Clipped { limit, samples }) = health.complaint() {
+        return Err(MeasureError::Clipped {
+            file: setup.recording_path(run),
+            channel: channel.to_owned(),
+            limit,
+            samples,
+        });
+    }
+    if run.excitation == Excitation::Random
+        && let Some(outlier) = health.outlier()
+    {
+        if outlier.share > MOST {
+            return Err(MeasureError::Outlier {
+                file: setup.recording_path(run),
+                channel: channel.to_owned(),
+                outlier,
+            });
+        }
+        warnings.push(format!(
+            "run \"{}\": sample {} of {channel}, counted from one, reads {}, {} times the channel's RMS: one such reading bends every line of its block. Look at the recording there, and cut it off or record the run again",
+            run.name,
+            outlier.sample + 1,
+            plain(f64::from(outlier.reading), 4),
+            plain(outlier.crest, 2)
+        ));
+    }
+    Ok(())
+}
+
+/// The sensors of a run that read one and the same for a while, in words. Of drives, a generator that pauses is no recorder
+/// that stops.
+fn held(setup: &Setup, axes: &[Axis<'_>], run: &Run, channels: &[ChannelHealth]) -> Option<String> {
+    let is_sensor = |channel: &str| axes.iter().any(|axis| axis.channel == channel);
+    let names = channel_names(setup, run).into_iter().zip(channels);
+    let held: Vec<_> = names
+        .filter(|(channel, _)| is_sensor(channel))
+        .filter_map(|(channel, health)| Some((channel, health.held()?)))
+        .collect();
+    let (_, longest) = held.iter().max_by_key(|(_, held)| held.samples)?;
+    let channels: Vec<&str> = held.iter().map(|(channel, _)| *channel).collect();
+    Some(format!(
+        "run \"{}\": one and the same reading for {} samples from sample {} on, counted from one, in {}: what the sensors read meanwhile is lost. Look at the recording there, and cut it off or record the run again",
+        run.name,
+        longest.samples,
+        longest.sample + 1,
+        channels.join(", ")
+    ))
+}
+
+/// Refuses channels that are dead; notes those without a motion that their witnesses excuse.
+fn motion(
+    setup: &Setup,
+    seen: &Seen<'_>,
+    axes: &[Axis<'_>],
+    warnings: &mut Vec<String>,
+) -> Result<(), MeasureError> {
     let noisy = seen
         .iter()
         .any(|(_, channels)| channels.iter().all(|health| !dead(health)));
@@ -106,7 +131,7 @@ pub(super) fn check(
             let excused = if anywhere {
                 !noisy
             } else {
-                rests(setup, seen, &axes, axis)
+                rests(setup, seen, axes, axis)
             };
             if health.range[0] != 0.0 || !excused {
                 return Err(MeasureError::Dead {
