@@ -86,15 +86,15 @@ pub(super) fn fitted(
     all
 }
 
-/// A state of the set-up, of which faults are tried.
+/// A state of the set-up in which faults are tried.
 struct Trial<'a> {
     bench: &'a Bench,
     state: &'a State,
-    /// Channels that hardly read anything.
+    /// Channels without a signal.
     quiet: &'a [usize],
     tolerance: f64,
     motion: &'a [Motion],
-    /// Channels that count.
+    /// Channels that have rows.
     live: Vec<usize>,
 }
 
@@ -148,7 +148,7 @@ impl Trial<'_> {
         is_large.then(|| self.of_channel(of(x), 1))
     }
 
-    /// A channel whose readings are none of the set-up's.
+    /// A channel that contradicts the others in a way that is none of these.
     fn unlisted(&self, channel: usize) -> Hypothesis {
         self.of_channel(Fault::Unlisted { channel }, self.bench.motions())
     }

@@ -198,14 +198,7 @@ pub fn fit(
     let system = problem
         .system(model, fitted.freedom, Detail::Test)
         .ok_or(FitError::Singular)?;
-    let spread = Spread::of(
-        &problem,
-        &system,
-        model,
-        fitted.freedom,
-        told,
-        &base.excited,
-    )?;
+    let spread = Spread::of(&fitted, &problem, &system, told, &base.excited)?;
     let leaked: usize = records.iter().map(|r| leakage_terms(r, model)).sum();
     let free = (spread.places.len() + leaked) as f64;
     let expected = |r: &Record| r.equation_count() as f64;
@@ -242,7 +235,7 @@ pub fn fit(
 /// Number of real equations of the records.
 ///
 /// # Errors
-/// [`FitError::TooFew`] if a least model has about as many parameters, [`FitError::Unlike`].
+/// [`FitError::TooFew`] if they are fewer than twice the parameters of the least model, [`FitError::Unlike`].
 fn enough(records: &[Record]) -> Result<usize, FitError> {
     let equations = real_equations(records);
     let parameters = RIGID + 21 + 12 * records.len();
@@ -409,13 +402,13 @@ struct Spread {
 
 impl Spread {
     fn of(
+        fitted: &Descended,
         problem: &Problem<'_>,
         system: &System,
-        model: &Model,
-        freedom: Freedom,
         rigid: [bool; RIGID],
         excited: &Excited,
     ) -> Result<Self, FitError> {
+        let (model, freedom) = (&fitted.done.model, fitted.freedom);
         let places = freedom.places(model);
         let freedom_told = Freedom { rigid, ..freedom };
         let told = freedom_told.places(model);

@@ -83,8 +83,8 @@ fn readings(
     Ok(())
 }
 
-/// The sensors of a run that read one and the same for a while, in words. Of drives, a generator that pauses is no recorder
-/// that stops.
+/// The note on the sensors of a run that read one and the same for a while, if any. Drives are left out: a generator that
+/// pauses is no recorder that stops.
 fn held(setup: &Setup, axes: &[Axis<'_>], run: &Run, channels: &[ChannelHealth]) -> Option<String> {
     let is_sensor = |channel: &str| axes.iter().any(|axis| axis.channel == channel);
     let names = channel_names(setup, run).into_iter().zip(channels);
@@ -103,7 +103,7 @@ fn held(setup: &Setup, axes: &[Axis<'_>], run: &Run, channels: &[ChannelHealth])
     ))
 }
 
-/// Refuses channels that are dead; notes those without a motion that their witnesses excuse.
+/// Refuses channels that are dead; notes those that rest, as their witnesses do.
 fn motion(
     setup: &Setup,
     seen: &Seen<'_>,

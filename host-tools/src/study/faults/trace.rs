@@ -192,9 +192,9 @@ struct Test {
     accelerometers: usize,
     /// Quantity of each load cell.
     quantities: Vec<Quantity>,
-    /// Units of each channel.
+    /// Unit of each channel, m/s², N or N m.
     scales: Vec<f64>,
-    /// Noise of each channel in its units.
+    /// Noise of each channel, m/s², N or N m.
     noise: Vec<f64>,
     /// Channels whose readings are taken for nothing.
     freed: Vec<usize>,
@@ -300,7 +300,7 @@ impl Test {
         self.motion_of_turning(run, first.parts.iter().map(turning).sum())
     }
 
-    /// Solves for the motion of a table whose angular acceleration has a mean square of `turning`, rad²/s⁴.
+    /// Solves for the motion of a table whose angular acceleration has the square `turning`, rad²/s⁴.
     fn motion_of_turning(&self, run: &RunReadings, turning: f64) -> Option<Motion> {
         let sensors = self.accelerometers;
         let [gain, direction, shift] = DIFFERENCES;
