@@ -3,6 +3,8 @@
 mod bench;
 
 use bench::Finished;
+use massline::identification::{Choice, Session, Wanted};
+use massline::setup::Setup;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -156,5 +158,35 @@ fn threads_change_nothing() {
             assert!(several.stdout == one.stdout, "{threads} threads");
             assert_eq!(several.stderr, one.stderr);
         }
+    }
+}
+
+/// Modes that are found beside an answer from averages at hand are those that are found after it from passes of
+/// their own, to the last bit.
+#[test]
+fn modes_beside_an_answer_are_those_after_it() {
+    let bench = bench::Bench::satellite();
+    let setup = Setup::read(&bench.path().join("setup.toml")).unwrap();
+    let choice = Choice::default();
+    let modes = |ahead: bool, threads: usize| {
+        let mut session = Session::new(&setup).on_threads(Some(threads));
+        if ahead {
+            session.read_ahead(&choice, &mut |_| ());
+        }
+        let answer = session.wanted_with_modes(Wanted::Recommended, &choice, &mut |_| ());
+        let modal = answer.unwrap().modal.unwrap();
+        let free = modal.free.iter().map(|mode| (mode.pole, &mode.shape));
+        let free: Vec<_> = free.collect();
+        let fixed = modal
+            .fixed
+            .iter()
+            .map(|m| (m.mode.pole, m.modal_mass, &m.shape));
+        let fixed: Vec<_> = fixed.collect();
+        assert!(!free.is_empty() && !fixed.is_empty());
+        format!("{free:?} {fixed:?} {:?}", modal.warnings)
+    };
+    let after = modes(false, 1);
+    for threads in [1, 2] {
+        assert_eq!(modes(true, threads), after, "{threads} threads");
     }
 }
