@@ -1,6 +1,8 @@
 //! Tests whose runs are stepped sines or static poses, with a fault and without.
 
+use super::bench::BENCHES;
 use super::spoil::Spoilt;
+use super::trace::{LIMIT, Scene, contradiction};
 use crate::detective::{Fault, Findings};
 use crate::study::chance::Chance;
 use crate::study::coverage::{poses, sine};
@@ -81,4 +83,26 @@ fn stepped_sines_name_a_pair() {
     let mut found: Vec<Vec<usize>> = named(&spoilt).iter().map(Fault::channels).collect();
     found.sort();
     assert_eq!(found, [vec![1], vec![cell]]);
+}
+
+/// Load cells that are taken for nothing balance with any body, so that only accelerometers contradict each other.
+#[test]
+fn accelerometers_alone_leave_a_trace() {
+    let satellite = BENCHES.iter().find(|b| b.name == "satellite").unwrap();
+    let mut chance = Chance::new(1, &["faults", "satellite"]);
+    let (clean, level) = satellite.draw(&mut chance, 1).unwrap().unwrap();
+    let accelerometers = clean.setup.accelerometers.len();
+    let cells = accelerometers..accelerometers + clean.setup.load_cells.len();
+    let nothing: Vec<Fault> = cells.map(|channel| Fault::Dead { channel }).collect();
+    let trace = |faults: &[&Spoilt]| {
+        contradiction(&Scene {
+            clean: &clean,
+            level,
+            faults,
+            mended: &nothing.iter().collect::<Vec<_>>(),
+        })
+    };
+    let [right, wrong] = [trace(&[]), trace(&[&Spoilt::Factor(0, 2.0)])];
+    assert!(right < 1e-6, "{right}");
+    assert!(wrong > LIMIT, "{wrong}");
 }
