@@ -74,6 +74,8 @@ pub(super) fn provide(
         "pip",
         "install",
         "--quiet",
+        // Python compiles what it imports, a small part of the packages.
+        "--no-compile",
         "--disable-pip-version-check",
     ])
     .args(["--retries", "1", "--requirement"])

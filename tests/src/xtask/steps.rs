@@ -345,7 +345,8 @@ fn host_tests(context: &mut Context) -> Result<Ending, StepError> {
 }
 
 fn independent_readers(context: &mut Context) -> Result<Ending, StepError> {
-    let arguments = "build --release -p massline --message-format=json-render-diagnostics";
+    // By its name alone the program shares the build of the tests: `-p` would choose features of dependencies anew.
+    let arguments = "build --release --bin massline --message-format=json-render-diagnostics";
     let messages = process::answer(&mut context.cargo(&context.host(), arguments))?;
     let program = executable(&messages).ok_or(StepError::Missing {
         what: "the command massline",
