@@ -32,7 +32,7 @@ pub const OVERTIME: [f64; 2] = [2.0, 30.0];
 /// Times that a request is sent before the box counts as silent.
 pub const ATTEMPTS: u32 = 8;
 /// Longest that a box on a serial port may work at one request. An identification takes it up to
-/// 723 million instructions, the self-test fewer: five seconds at its usual clock.
+/// 290 million instructions, the self-test fewer: some two seconds at its usual clock.
 pub const LONGEST_WORK: Duration = Duration::from_secs(50);
 /// Longest that the settings of all inputs may take to be read.
 pub const READING_SETTINGS: Duration = Duration::from_secs(60);

@@ -17,17 +17,39 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// Output of the demo, and its report.
-static DEMO: LazyLock<(String, String)> = LazyLock::new(|| {
+struct Demo {
+    output: String,
+    report: String,
+    /// Error bars of what can be known: by all lines, and by the band.
+    error_bars: [Vec<f64>; 2],
+}
+
+static DEMO: LazyLock<Demo> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_massline"))
-        .current_dir(folder.path())
-        .args(["demo", "--quiet"])
-        .output()
-        .unwrap();
-    assert!(output.status.success());
-    let report = std::fs::read_to_string(folder.path().join("demo/report.html")).unwrap();
-    (String::from_utf8(output.stdout).unwrap(), report)
+    let massline = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_massline"))
+            .current_dir(folder.path())
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert!(output.status.success());
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let output = massline(&["demo", "--quiet"]);
+    let error_bars = ["ml", "apparent-mass"].map(|method| {
+        let result = ["identify", "--quiet", "--json", "--method", method];
+        let result = massline(&[&result[..], &["demo/setup.toml"]].concat());
+        let result: Value = serde_json::from_str(&result).unwrap();
+        let inertia = ["inertia_reference", "inertia_cg"].map(|of| &result[of]["yy"]);
+        let cg = result["centre_of_gravity"].as_array().unwrap();
+        let all = [&result["indicator"]].into_iter().chain(cg).chain(inertia);
+        all.filter_map(|number| number["std"].as_f64()).collect()
+    });
+    Demo {
+        output,
+        report: std::fs::read_to_string(folder.path().join("demo/report.html")).unwrap(),
+        error_bars,
+    }
 });
 
 /// Compares with a file, or writes it.
@@ -54,8 +76,23 @@ fn the_table_is_what_the_demo_prints() {
     let to = from + page[from..].find("```").unwrap();
     agree(
         &path,
-        &format!("{}{}{}", &page[..from], DEMO.0, &page[to..]),
+        &format!("{}{}{}", &page[..from], DEMO.output, &page[to..]),
     );
+}
+
+/// The page says how much wider the error bars of the band are; the mass is weighed, and has none.
+#[test]
+fn the_band_is_as_much_wider_as_the_page_says() {
+    let [all, band] = &DEMO.error_bars;
+    assert_eq!(all.len(), band.len());
+    let ratios = band.iter().zip(all).map(|(band, all)| band / all);
+    let (least, most) = ratios.fold((f64::MAX, 0.0), |(least, most): (f64, f64), ratio| {
+        (least.min(ratio), most.max(ratio))
+    });
+    let page = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let said = format!("the error bars are {least:.1} to {most:.1} times as wide");
+    let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(page.contains(&said), "{said}");
 }
 
 /// The chart of the report whose description begins like this.
@@ -199,7 +236,7 @@ fn figure(charts: &[(String, [f64; 2])]) -> String {
 
 #[test]
 fn the_picture_is_what_demo_and_study_draw() {
-    let moment = chart(&DEMO.1, "Θyy");
+    let moment = chart(&DEMO.report, "Θyy");
     let now = figure(&[(moment, [403.0, 240.0]), (errors(), [400.0, 240.0])]);
     roxmltree::Document::parse(&now).unwrap();
     agree(&root().join("host-tools/figures/front-page.svg"), &now);

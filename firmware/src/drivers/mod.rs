@@ -5,6 +5,8 @@
 //! | [`ads131m08`] | eight simultaneous channels of 24 bits | SPI mode 1, checksum both ways |
 //! | [`adxl355`] | accelerometer, three axes of 20 bits | SPI mode 0, no checksum |
 //!
+//! [`lanes`] is the trait of buses that exchange frames by themselves, [`Lowpass`] how a converter delays and damps.
+//!
 //! A third kind is one more folder with a type that implements [`Converter`], a model of it in
 //! [`crate::models`], and a place in the list of the box's converters, `sampling/bank.rs`. Each has a
 //! function `lowpass`, by which its inputs are brought into step with those of others. Drivers depend on embedded-hal's traits, on no microcontroller and no board.

@@ -14,7 +14,7 @@
 //! | file | holds |
 //! | --- | --- |
 //! | `board` | the traits of the hardware and of the link |
-//! | `memory` | memory that is lent, and its sizes |
+//! | `memory`, `storage` | memory that is lent, its sizes, and its way from phase to phase |
 //! | `phase` | phases and activities, and the data of each |
 //! | `requests` | requests, one by one |
 //! | `runs` | starting, feeding and ending a run |

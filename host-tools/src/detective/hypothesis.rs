@@ -6,6 +6,7 @@ use super::model::level;
 use super::sensor::{Kind, Sensor};
 use super::state::State;
 use super::table::UNKNOWN;
+use crate::setup::STANDARD_GRAVITY;
 use massline_core::geometry::Quantity;
 
 /// One fault of a set-up. Channels are numbered as the sensors: accelerometers, then load cells.
@@ -126,8 +127,8 @@ pub(super) const SHORTEST: f64 = 0.010;
 
 /// Factors between units that people mix up.
 pub(super) const FACTORS: [f64; 10] = [
-    9.806_65,
-    1.0 / 9.806_65,
+    STANDARD_GRAVITY,
+    1.0 / STANDARD_GRAVITY,
     1000.0,
     0.001,
     10.0,
@@ -139,11 +140,11 @@ pub(super) const FACTORS: [f64; 10] = [
 ];
 
 /// Units of all accelerometers that people mix up: g, mm/s².
-const OF_MOTION: [f64; 2] = [1.0 / 9.806_65, 1000.0];
+const OF_MOTION: [f64; 2] = [1.0 / STANDARD_GRAVITY, 1000.0];
 /// Units of all load cells that people mix up: kgf, kN, mN, lbf, and lost factors. None is so near to one
 /// of all accelerometers that a weighed mass does not tell them apart.
 const OF_FORCE: [f64; 8] = [
-    1.0 / 9.806_65,
+    1.0 / STANDARD_GRAVITY,
     0.001,
     1000.0,
     0.224_809,

@@ -9,7 +9,7 @@ use super::search::{CONTRADICTS, Candidate, Found};
 use super::sensor::Sensor;
 use super::wording;
 use crate::format::plain;
-use crate::setup::{AccelerometerEntry, Measured, Setup, Units};
+use crate::setup::{AccelerometerEntry, Measured, STANDARD_GRAVITY, Setup, Units};
 
 /// Density over the cube that the sensors span, kg/m³, below which positions are not in metres.
 const LIGHTEST: f64 = 0.01;
@@ -17,7 +17,7 @@ const LIGHTEST: f64 = 0.01;
 /// water over such a cube.
 const DENSE: f64 = 1000.0;
 /// Density above which positions are too small, kg/m³: osmium, weighed in accelerations that are in g.
-const HEAVIEST: f64 = 22_590.0 * 9.806_65;
+const HEAVIEST: f64 = 22_590.0 * STANDARD_GRAVITY;
 /// Distance of the reference point from the sensors over the largest between these, above which
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
@@ -133,7 +133,7 @@ pub(super) fn judge(
             ),
         ));
     } else if setup.known_mass.is_none() && density > DENSE {
-        let lines = |c| wording::scaled(setup, evidence, c, 9.806_65);
+        let lines = |c| wording::scaled(setup, evidence, c, STANDARD_GRAVITY);
         all.push(Whole {
             repair: (0..setup.accelerometers.len()).flat_map(lines).collect(),
             ..Whole::new(
@@ -153,9 +153,9 @@ pub(super) fn judge(
         all.push(Whole::new(
             WholeFault::NoUnit,
             format!(
-                "no unit of the accelerations is stated, so that they are taken to be in m/s² and the mass is {} kg; if they are in g it is {} kg, and {}",
+                "no unit of the accelerations is stated, so that they are taken to be in m/s² and the mass is {} kg; if they are in g, it is {} kg: then {}",
                 plain(mass, 4),
-                plain(mass / 9.806_65, 4),
+                plain(mass / STANDARD_GRAVITY, 4),
                 in_g(setup)
             ),
         ));
@@ -249,7 +249,7 @@ fn states_nothing(a: &AccelerometerEntry) -> bool {
 /// The remedy where all accelerations are in g.
 fn in_g(setup: &Setup) -> String {
     let g = |a: &AccelerometerEntry| {
-        let total = a.scale * 9.806_65;
+        let total = a.scale * STANDARD_GRAVITY;
         a.units.plainest(Measured::Acceleration, total) == Some("g")
     };
     if setup.accelerometers.iter().all(g) {

@@ -16,16 +16,13 @@ use massline_firmware::instrument::{
     Board, Identity, Instrument, Memory, Persistent, RawSample, RunStorage, Transmit,
     WorkingStorage,
 };
+use massline_firmware::link::WINDOW;
 use massline_firmware::sampling::INPUTS;
 use massline_firmware::wire::{
     BODY_MAX, ClockSource, Event, FRAME_MAX, FaultKind, Health, Item, LinkCounters, Problem,
     Received, Receiver, Refused, Reply, Request, ResetReason, Sender, Storage, ToBox,
 };
 use std::time::Duration;
-
-/// Requests of samples that may be on their way: what the firmware allows, so that replays
-/// take the same turns.
-const WINDOW: u8 = 3;
 
 /// Shortest delay of the link, and the range of its variation, s.
 const DELAY: f64 = 1e-3;

@@ -16,6 +16,7 @@
 //! | `excited` | directions in which the base moves |
 //! | `tilt` | uncertainty of these directions |
 //! | `guess` | inertia that the test does not tell |
+//! | `shrinkage` | estimates of many terms that may all be zero |
 //! | `search`, `start` | start values, mode by mode |
 //! | `fit` | all steps, covariance, tests |
 //! | `bound` | Cramér-Rao bound of a model and a test |

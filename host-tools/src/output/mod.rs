@@ -6,6 +6,7 @@
 //! | `guard` | which files may not be written over: inputs, and what others made |
 //! | `part` | rows of a recording that grows, and what a killed program left of one |
 //! | `disk` | the few operations on the file system that all of this is made of |
+//! | `operation` | these operations by name |
 //! | `faults` | has any of those operations fail, for tests |
 //!
 //! # Design

@@ -17,6 +17,14 @@
 //! | `poses` | static poses: loads, residuals |
 //! | `sketch` | sensors, CG and inertia in three views |
 //! | `runs`, `channels`, `traceability` | runs, processing, channels, what their sensitivities rest on, how to read it |
+//!
+//! | file | what sections are made of |
+//! | --- | --- |
+//! | `page`, `markup` | one HTML page, text into HTML and SVG |
+//! | `plot/`, `style.css` | plots; their style and the pages' |
+//! | `lines` | runs as the estimators see them |
+//! | `number`, `scales` | numbers as text, units that suit them |
+//! | `rigid`, `truth` | the rigid body of a result, true properties |
 
 mod apparent_mass;
 mod base_spectra;

@@ -40,8 +40,8 @@ pub(crate) use parse::{block_length, overlap};
 pub(crate) use print::quoted as toml_text;
 pub(crate) use sensors::quantity;
 pub use uncertainty::{Defaults, Uncertainty};
-pub use units::Units;
 pub(crate) use units::{Measured, UnitsOfTwo, is_electric, is_other, measured_in};
+pub use units::{STANDARD_GRAVITY, Units};
 
 /// The window of all random runs.
 pub const WINDOW: Window = Window::Hann;

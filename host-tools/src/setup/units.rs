@@ -6,8 +6,8 @@ use serde::{Deserialize, Deserializer};
 use super::keys;
 use crate::printable::quoted;
 
-/// Standard acceleration of gravity, m/s².
-const G: f64 = 9.806_65;
+/// Standard acceleration of gravity, m/s² (ISO 80000-3).
+pub const STANDARD_GRAVITY: f64 = 9.806_65;
 /// Pound-force, N.
 const LBF: f64 = 4.448_221_615_260_5;
 
@@ -30,7 +30,7 @@ enum Kind {
 
 const UNITS: [(&str, Kind, f64); 15] = [
     ("m/s²", Kind::Of(Measured::Acceleration), 1.0),
-    ("g", Kind::Of(Measured::Acceleration), G),
+    ("g", Kind::Of(Measured::Acceleration), STANDARD_GRAVITY),
     ("mm/s²", Kind::Of(Measured::Acceleration), 1e-3),
     ("N", Kind::Of(Measured::Force), 1.0),
     ("kN", Kind::Of(Measured::Force), 1e3),

@@ -42,7 +42,7 @@ pub use specimen::{Mode, Specimen};
 pub use truth::{Bound, InertiaTruth, ModeTruth, Truth};
 
 use crate::recording::{Form, Preamble};
-use crate::setup::{Defaults, Estimation, Excitation, Mount, Run, Setup};
+use crate::setup::{Defaults, Estimation, Excitation, Mount, Run, STANDARD_GRAVITY, Setup};
 pub(crate) use interface::mounting;
 use interface::{TableMotion, load_paths, rotation_matrix, table_motion};
 use specimen::{Gains, stack};
@@ -50,8 +50,6 @@ use synthesis::{Drive, DriveResponse, modal_response, table_resonance};
 
 /// Name of the channel that carries the generator's signal.
 pub const DRIVE: &str = "drive";
-/// Standard gravity, m/s².
-pub const GRAVITY: f64 = 9.80665;
 /// Most samples a channel: nine hours at 512 Hz.
 pub const MOST_SAMPLES: usize = 1 << 24;
 /// Most noise, a share of a channel's RMS: single precision holds what it makes of any signal.
@@ -326,7 +324,7 @@ pub(crate) fn motions(
             .iter()
             .map(|tilt| {
                 let up = rotation_matrix(tilt).transpose() * Vector3::z();
-                stack(&(up * GRAVITY), &Vector3::zeros())
+                stack(&(up * STANDARD_GRAVITY), &Vector3::zeros())
             })
             .collect(),
     };
@@ -451,7 +449,7 @@ fn hold(tilts: &[[f64; 3]], gains: &Gains, on_table: bool, carry: &Matrix6<f64>)
         .iter()
         .map(|tilt| {
             let up = rotation_matrix(tilt).transpose() * Vector3::z();
-            let at_interface = stack(&(up * GRAVITY), &Vector3::zeros());
+            let at_interface = stack(&(up * STANDARD_GRAVITY), &Vector3::zeros());
             let felt = if on_table {
                 at_interface
             } else {

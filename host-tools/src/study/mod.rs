@@ -42,9 +42,11 @@
 //! | `plans` | whether what a test cannot tell has no number |
 //! | `trial` | one simulated test, identified at several levels of noise |
 //! | `scratch` | recordings of a trial in files |
+//! | `percent` | errors in per cent as text |
 //! | `marked` | tables in Markdown pages |
 //! | `structures` | random structures and sensors |
 //! | `chance` | random choices |
+//! | `false_alarms` | the test of consistency on sound tests, beside the distribution that it claims |
 
 mod chance;
 pub mod coverage;

@@ -233,7 +233,7 @@ fn poses_weigh_the_specimen() {
     assert_eq!(simulation.setup.runs[0].excitation, Excitation::Static);
     let recording = &simulation.recordings[0];
     assert_eq!(recording.sample_rate, None);
-    let weight = 11.0 * GRAVITY;
+    let weight = 11.0 * STANDARD_GRAVITY;
     let sum = |axis: &str, pose: usize| -> f64 {
         ["left", "right", "back"]
             .iter()
@@ -251,7 +251,7 @@ fn poses_weigh_the_specimen() {
         let found = sum(axis, pose);
         assert!((found - expected).abs() < 1e-4, "{axis} {pose} {found}");
     }
-    assert!((f64::from(column(recording, "base.z")[0]) - GRAVITY).abs() < 1e-6);
+    assert!((f64::from(column(recording, "base.z")[0]) - STANDARD_GRAVITY).abs() < 1e-6);
 }
 
 #[test]

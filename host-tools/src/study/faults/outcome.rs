@@ -1,10 +1,10 @@
 //! Findings compared with the faults that were put into a set-up.
 
 use super::Outcome;
-use super::spoil::{G, Spoilt, channels, places};
+use super::spoil::{Spoilt, channels, places};
 use super::trace::{self, Scene};
 use crate::detective::{Explanation, Fault, Findings, Whole, WholeFault};
-use crate::setup::Setup;
+use crate::setup::{STANDARD_GRAVITY, Setup};
 use crate::study::trial::Trial;
 use nalgebra::Vector3;
 
@@ -184,7 +184,10 @@ impl Spoilt {
                 .iter_mut()
                 .filter(|s| s.cell)
                 .for_each(|s| s.axis *= -1.0),
-            Self::InG => all.iter_mut().filter(|s| !s.cell).for_each(|s| s.axis /= G),
+            Self::InG => all
+                .iter_mut()
+                .filter(|s| !s.cell)
+                .for_each(|s| s.axis /= STANDARD_GRAVITY),
             Self::Millimetres => all.iter_mut().for_each(|s| s.position *= 1000.0),
         }
     }

@@ -1,7 +1,7 @@
 //! Faults that are put into a set-up.
 
 use crate::identification::estimates;
-use crate::setup::{Mount, Setup};
+use crate::setup::{Mount, STANDARD_GRAVITY, Setup};
 use crate::study::chance::Chance;
 use crate::study::trial::{Trial, TrialError};
 use massline_core::identify::{Estimate, Identification};
@@ -83,9 +83,6 @@ pub(super) enum Spoilt {
     /// All positions are in millimetres.
     Millimetres,
 }
-
-/// Standard acceleration of gravity, m/s².
-pub(super) const G: f64 = 9.806_65;
 
 /// Kind, position and direction of a channel of a set-up.
 pub(super) struct At {
@@ -191,7 +188,16 @@ pub(super) fn spoil(
             (place.len() > 1).then_some(Spoilt::Turned(place, turn))?
         }
         Kind::Factor => {
-            const USUAL: [f64; 8] = [G, 1.0 / G, 1000.0, 0.001, 10.0, 0.1, 2.0, 0.5];
+            const USUAL: [f64; 8] = [
+                STANDARD_GRAVITY,
+                1.0 / STANDARD_GRAVITY,
+                1000.0,
+                0.001,
+                10.0,
+                0.1,
+                2.0,
+                0.5,
+            ];
             let factor = if chance.happens(0.5) {
                 USUAL[chance.whole(0, USUAL.len() - 1)]
             } else {
@@ -304,7 +310,7 @@ impl Spoilt {
             Self::CrossTalk([c, from], share) => trial.leak(*c, *from, *share as f32),
             Self::InG => {
                 for c in 0..trial.setup.accelerometers.len() {
-                    trial.record_in(c, G as f32);
+                    trial.record_in(c, STANDARD_GRAVITY as f32);
                 }
             }
             _ => self.misstate(&mut trial.setup),

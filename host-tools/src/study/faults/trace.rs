@@ -8,9 +8,9 @@
 //! not known beforehand: of its sensors and of the load cells only the constant of a fit in 1, ω² and ω⁴
 //! counts, and its noise. Nothing here is shared with the detective.
 
-use super::spoil::{At, G, Spoilt, channels, position_of};
+use super::spoil::{At, Spoilt, channels, position_of};
 use crate::detective::Fault;
-use crate::setup::Setup;
+use crate::setup::{STANDARD_GRAVITY, Setup};
 use crate::simulate::{motion_row, mounting, responses};
 use crate::study::plans::tell::rows;
 use crate::study::trial::Trial;
@@ -133,7 +133,9 @@ impl Scene<'_> {
                 Spoilt::Dead(c) => y[*c] = Complex::default(),
                 Spoilt::CrossTalk([c, from], share) => y[*c] += y[*from] * *share,
                 Spoilt::Delayed(channels, samples) => late(channels, *samples as f64, y),
-                Spoilt::InG => y[..accelerometers].iter_mut().for_each(|y| *y /= G),
+                Spoilt::InG => y[..accelerometers]
+                    .iter_mut()
+                    .for_each(|y| *y /= STANDARD_GRAVITY),
                 _ => {}
             }
         }
