@@ -502,6 +502,44 @@ fn places_that_cannot_be_written_are_named() {
     finished.says("cannot be written");
 }
 
+/// A folder is refused before the work, a full disk after it: the numbers are shown.
+#[test]
+fn numbers_outlive_a_report_that_cannot_be_written() {
+    let folder = Bench::fork().identify(&["--report", "."]);
+    assert_eq!(folder.code, Some(2));
+    folder.says("this is a folder: add a file name");
+    assert_eq!(folder.stdout, "");
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    for json in [false, true] {
+        let json = if json { &["--json"][..] } else { &[] };
+        let full = Bench::fork().identify(&[&["--report", "/dev/full"], json].concat());
+        assert_eq!(full.code, Some(2));
+        full.says("/dev/full: cannot be written");
+        full.shows(if json.is_empty() {
+            "Θyy about S"
+        } else {
+            "\"inertia_cg\""
+        });
+        assert!(!full.stderr.contains("report: "), "{}", full.stderr);
+    }
+}
+
+#[test]
+fn a_truth_of_another_test_is_told() {
+    let truth = Bench::satellite();
+    let truth = truth.file("truth.json");
+    let truth = truth.to_str().unwrap();
+    let other = Bench::fork().identify(&["--truth", truth]);
+    other.says("--truth is of \"Satellite … the setup of \"Tuning fork … are they one test?");
+    // However large, errors keep apart from the truth.
+    let row = other.stdout.lines().find(|l| l.starts_with("Θyy about S"));
+    let words: Vec<&str> = row.unwrap().split_whitespace().collect();
+    let at = words.iter().rposition(|w| *w == "%").unwrap();
+    assert!(words[at - 2].parse::<f64>().is_ok(), "{words:?}");
+}
+
 #[test]
 fn completions_know_the_commands() {
     for shell in ["bash", "zsh", "fish"] {

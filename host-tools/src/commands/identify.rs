@@ -10,6 +10,7 @@ use crate::commands::Verbosity;
 use crate::detective::{self, Findings};
 use crate::identification::{Answer, Choice, LIKELIHOOD, Refusal, Session, WARNED, Wanted};
 use crate::output::{self, Existing};
+use crate::printable::quoted;
 use crate::report;
 use crate::result::ResultDocument;
 use crate::setup::{Setup, read_document};
@@ -119,17 +120,21 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     if let Some(found) = &findings {
         result.findings = crate::result::findings(&setup, found);
     }
-    if let Some(path) = &arguments.report {
+    // What was computed is shown even if a file cannot be written.
+    let reported = arguments.report.as_ref().map_or(Ok(()), |path| {
         let truth = truth.as_ref().map(true_body);
         let page = report::render(&setup, &answer, &result, truth.as_ref());
-        output::write(path, page.as_bytes())?;
-    }
+        output::write(path, page.as_bytes())
+    });
+    let is_reported = reported.is_ok();
     let exported = export(arguments, &result, &answer, verbosity);
+    let written = reported.map_err(Failure::from).and(exported);
     if arguments.json {
         print_json(&result)?;
         refuse(result.refused.as_deref())?;
-        return exported;
+        return written;
     }
+    warn(&of_another(truth.as_ref(), &setup), verbosity);
     warn(&result.warnings, verbosity);
     if let Some(findings) = &findings {
         warn(&check::notes(findings), verbosity);
@@ -142,12 +147,26 @@ pub fn run(arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
         }
     }
     if let Some(path) = &arguments.report
+        && is_reported
         && !verbosity.quiet
     {
         eprintln!("report: {}", path.display());
     }
     refuse(result.refused.as_deref())?;
-    exported
+    written
+}
+
+/// A note on a truth that may be of another test.
+fn of_another(truth: Option<&Truth>, setup: &Setup) -> Vec<String> {
+    let other = |of: &&Truth| of.title != setup.title;
+    let note = |of: &Truth| {
+        format!(
+            "--truth is of \"{}\", the setup of \"{}\": are they one test?",
+            quoted(&of.title),
+            quoted(&setup.title)
+        )
+    };
+    truth.filter(other).map(note).into_iter().collect()
 }
 
 /// Checks that the files of `--report` and `--export` may be written.

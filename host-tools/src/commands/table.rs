@@ -247,7 +247,7 @@ fn print_row(
                 let percent = row.whole.map_or_else(String::new, |whole| {
                     format!("{:+.3} %", 100.0 * error / whole.abs())
                 });
-                write!(out, "{shown:>12}{style}{percent:>11}{style:#}")?;
+                write!(out, "{shown:>12} {style}{percent:>10}{style:#}")?;
                 if !inside {
                     write!(out, "  outside")?;
                 }

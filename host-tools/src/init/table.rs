@@ -9,6 +9,9 @@ use crate::setup::{Mount, along, nearest, read_document};
 use csv::{ReaderBuilder, StringRecord, Trim};
 use std::path::Path;
 
+/// Coordinate without a unit from which it cannot be guessed to be in m.
+const FARTHEST: f64 = 10.0;
+
 const COLUMNS: [&str; 8] = [
     "name",
     "x",
@@ -68,6 +71,7 @@ pub fn fill(found: &mut Found, file: &Path) -> Result<(), InitError> {
         )
     })?;
     let (columns, length) = columns(&header).map_err(|reason| wrong(line, reason))?;
+    let has_unit = length.is_some();
     if let Some(length) = length {
         found.length_unit = length;
     }
@@ -88,6 +92,16 @@ pub fn fill(found: &mut Found, file: &Path) -> Result<(), InitError> {
             record.get(at).filter(|text| !text.is_empty())
         };
         let sensor = row(found, &field, separator).map_err(|reason| wrong(line, reason))?;
+        let far = |x: &&f64| !has_unit && x.abs() > FARTHEST;
+        if let Some(x) = sensor.position.iter().flatten().find(far) {
+            let name = quoted(&sensor.name);
+            return Err(wrong(
+                line,
+                format!(
+                    "\"{name}\" is at {x}, and the header states no unit; write `x [mm],y [mm],z [mm]` there, or [m], [cm] or [in]"
+                ),
+            ));
+        }
         let twice = |s: &Sensor| s.channels.iter().any(|c| sensor.channels.contains(c));
         if filled.iter().any(twice) {
             let name = quoted(&sensor.name);

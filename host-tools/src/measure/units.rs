@@ -49,7 +49,7 @@ impl StatedUnits {
         let channels = setup.sensor_channels();
         Self {
             file: recording.file().to_owned(),
-            place: recording.names_at(),
+            place: recording.units_at(),
             units: channels.map(|c| unit(c).map(str::to_owned)).collect(),
             unlisted: unlisted(setup, run, recording),
         }

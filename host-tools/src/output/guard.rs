@@ -4,7 +4,7 @@ use super::OutputError;
 use super::place::{End, follow};
 use crate::report::page::MADE_BY;
 use std::fs::{self, File};
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 /// Permission to replace a file that is there already.
@@ -34,7 +34,7 @@ const REPORT_HEAD: usize = 1024;
 /// is there that has to stay. To be called before the work that the file is the result of.
 ///
 /// # Errors
-/// [`OutputError::Input`], [`OutputError::Present`].
+/// [`OutputError::Input`], [`OutputError::Present`]; [`OutputError::Write`] of a folder.
 pub(crate) fn check<'i>(
     file: &Path,
     inputs: impl IntoIterator<Item = &'i Path>,
@@ -47,6 +47,12 @@ pub(crate) fn check<'i>(
                 input: input.to_owned(),
             });
         }
+    }
+    if fs::metadata(file).is_ok_and(|found| found.is_dir()) {
+        return Err(OutputError::Write {
+            file: file.to_owned(),
+            source: ErrorKind::IsADirectory.into(),
+        });
     }
     let why = match existing {
         Existing::Replace => return Ok(()),

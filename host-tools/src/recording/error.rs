@@ -247,6 +247,18 @@ pub enum RecordingError {
         /// The file.
         file: PathBuf,
     },
+    /// Time stands still or goes back in the first samples.
+    #[error("{}, {place}: time is {found} s after {before} s in the sample before; export it with times that ascend, or without the column of time and with `sample_rate` in [processing]", file.display())]
+    TimeDescends {
+        /// The file.
+        file: PathBuf,
+        /// Place of the sample.
+        place: Place,
+        /// The time of the sample before, s.
+        before: f64,
+        /// The time found, s.
+        found: f64,
+    },
     /// Time does not go on evenly: samples are missing or doubled.
     #[error("{}, {place}: time is {found} s where {expected:.6} s was due; samples are missing or doubled before this line: cut the recording there, or record again", file.display())]
     TimeJump {

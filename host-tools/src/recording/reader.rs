@@ -190,9 +190,9 @@ impl Recording {
         self.corners = corners;
     }
 
-    /// Place of the channels' names, for messages about them.
-    pub(crate) fn names_at(&self) -> Option<Place> {
-        self.source.names_at()
+    /// Place of the channels' units, for messages about them.
+    pub(crate) fn units_at(&self) -> Option<Place> {
+        self.source.units_at()
     }
 
     /// `true` if readings are shares of the full scale of a converter, which is no unit.
@@ -204,7 +204,7 @@ impl Recording {
     pub(crate) fn unit_error(&self, channel: &str, reason: String) -> RecordingError {
         RecordingError::Unit {
             file: self.file.clone(),
-            place: self.source.names_at(),
+            place: self.source.units_at(),
             channel: channel.to_owned(),
             reason,
         }
@@ -412,19 +412,26 @@ impl Recording {
         };
         let mut times = Vec::with_capacity(RATE_SAMPLES + 1);
         let mut found = 0.0;
+        let mut descent = None;
         while times.len() <= RATE_SAMPLES && probe.next_row_f64(|_, time| found = time)? {
+            if let Some(&before) = times.last()
+                && found <= before
+            {
+                descent.get_or_insert((probe.place, before, found));
+            }
             times.push(found);
         }
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
             return Ok(None);
         };
-        let jump = RecordingError::TimeJump {
+        let (place, before, found) = descent.unwrap_or((probe.place, first, last));
+        let descent = RecordingError::TimeDescends {
             file: self.file.clone(),
-            place: probe.place,
-            found: self.second * last,
-            expected: self.second * first,
+            place,
+            before: self.second * before,
+            found: self.second * found,
         };
-        Times::new(times, self.second).map(Some).ok_or(jump)
+        Times::new(times, self.second).map(Some).ok_or(descent)
     }
 
     /// A second opening that reads the channel of time alone.

@@ -196,6 +196,11 @@ pub trait Source {
         None
     }
 
+    /// Place of the channels' units, for messages about them.
+    fn units_at(&self) -> Option<Place> {
+        self.names_at()
+    }
+
     /// Position of the sensor of a channel in m, where the file states it.
     fn position(&self, _channel: usize) -> Option<[f64; 3]> {
         None

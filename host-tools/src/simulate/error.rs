@@ -12,8 +12,8 @@ pub enum ModelError {
     Document(#[from] DocumentError),
     /// Neither of the two formats.
     #[error(
-        "{}: a model's name ends in .toml (bodies and sprung masses) or .json (plane beams); \
-         rename the file", file.display()
+        "{}: expected `fork`, which is built in, or a file whose name ends in .toml (bodies and \
+         sprung masses) or .json (plane beams)", file.display()
     )]
     Format {
         /// The file.

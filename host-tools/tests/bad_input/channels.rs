@@ -30,6 +30,19 @@ fn duplicate_channel_in_the_recording() {
         );
 }
 
+/// A row of units that nobody knows is none of names, even if they repeat each other.
+#[test]
+fn units_that_nobody_knows() {
+    let below = |text: String| {
+        let (names, rows) = text.split_once('\n').unwrap();
+        let units = vec!["EU"; names.split(',').count()].join(",");
+        format!("{names}\n{units}\n{rows}")
+    };
+    Bench::fork()
+        .edit(X, |text| below(text.to_owned()))
+        .refused_input("lateral-x.csv, line 2, channel … the recording says \"EU\"; accepted are");
+}
+
 #[test]
 fn duplicate_channel_in_the_setup() {
     Bench::fork().setup("\"a4\"", "\"a5\"").refused_input(

@@ -40,6 +40,19 @@ fn lost_samples() {
 }
 
 #[test]
+fn times_that_do_not_ascend() {
+    for (rate, times) in [
+        (f64::INFINITY, "time is 0 s after 0 s"),
+        (-512.0, "time is -0.001953 s after"),
+    ] {
+        let words = format!("lateral-x.csv, line 3 … {times} … export it with times that ascend");
+        Bench::fork()
+            .edit(X, |text| with_time(text, rate, 0))
+            .refused_input(&words);
+    }
+}
+
+#[test]
 fn runs_at_different_rates() {
     Bench::fork()
         .setup("sample_rate", "# sample_rate")

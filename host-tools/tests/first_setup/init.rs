@@ -249,6 +249,10 @@ fn a_table_that_does_not_fit_is_refused_with_its_line() {
         ("name,x [mm],y,z\n", "line 1 … different units"),
         ("name,x [km],y [km],z [km]\n", "line 1 … \"km\""),
         (
+            "name,x,y,z\nT1,600,2,3\n",
+            "line 2 … \"T1\" is at 600, and the header states no unit; write `x [mm],",
+        ),
+        (
             "name,x,y,z\nT1,1,2,3\nT2,1,2,3\n",
             "line 3 … no sensor \"T2\"; known are `T1`, `F1:Z`",
         ),

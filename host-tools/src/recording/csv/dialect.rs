@@ -110,6 +110,13 @@ impl Row {
         }
     }
 
+    /// `true` if two fields are alike.
+    fn repeats(&self) -> bool {
+        let mut fields: Vec<&[u8]> = self.record.iter().filter(|f| !f.is_empty()).collect();
+        fields.sort_unstable();
+        fields.windows(2).any(|pair| pair[0] == pair[1])
+    }
+
     fn is_units(&self) -> bool {
         let fields = || self.record.iter().filter(|field| !field.is_empty());
         let is_unit = |field: &[u8]| {
@@ -414,8 +421,14 @@ fn fit(rows: &[Row], delimiter: u8, decimal: u8, form: &Form) -> Option<Fit> {
     let (header, units) = match form.header {
         Some(line) => (stated(line).filter(fits)?, None),
         None => match (texts.next(), texts.next()) {
-            (Some(last), Some(above)) if above + 1 == last && rows.get(last)?.is_units() => {
-                (above, Some(last))
+            (Some(last), Some(above)) if above + 1 == last => {
+                let (units, names) = (rows.get(last)?, rows.get(above)?);
+                // Units that nobody knows repeat each other where names do not.
+                if units.is_units() || (units.repeats() && !names.repeats()) {
+                    (above, Some(last))
+                } else {
+                    (last, None)
+                }
             }
             (Some(last), _) => (last, None),
             // Names such as `time,1,2`.
@@ -529,6 +542,9 @@ mod tests {
         check("a,b\n\"1,5\",\"2,25\"\n", (',', ',', 1, false, None));
         check("Kraft\n1,5\n2,25\n", (';', ',', 1, false, None));
         check("a,b\nm/s²,[N]\n1,2\n", (',', '.', 1, true, None));
+        // Units that nobody knows; groups above the names.
+        check("a,b,c\nV,EU,EU\n1,2,3\n", (',', '.', 1, true, None));
+        check("g,g,h\na,b,c\n1,2,3\n", (',', '.', 2, false, None));
         check(
             "Operator;Müller\nRate;512\n\nZeit;a;b\ns;g;N\n0,5;1,25;2\n1;1;1\n",
             (';', ',', 4, true, None),

@@ -312,6 +312,12 @@ impl Source for CsvFile {
         Some(Place::Line(self.dialect.line + 1))
     }
 
+    fn units_at(&self) -> Option<Place> {
+        // A row of them stands below the names.
+        let below = u64::from(self.dialect.units);
+        Some(Place::Line(self.dialect.line + 1 + below))
+    }
+
     fn time(&self) -> Option<usize> {
         self.dialect.stamps
     }
