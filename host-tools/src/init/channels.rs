@@ -97,6 +97,9 @@ pub fn find(recordings: &[PathBuf]) -> Result<Found, InitError> {
             return Err(InitError::Twice { file: file.clone() });
         }
         let recording = Recording::open(file, &[])?;
+        if !recording.looks_recorded() {
+            return Err(InitError::NoRecording { file: file.clone() });
+        }
         let (channels, run, rate) = look(file, &recording)?;
         for channel in &channels {
             let parts = ["", ".re"].map(|part| format!("{}{part}", channel.name));

@@ -36,6 +36,12 @@ pub enum InitError {
         /// The recording.
         file: PathBuf,
     },
+    /// Text that is no recording.
+    #[error("{}: no row of numbers stands below a row of names; is it a recording?", file.display())]
+    NoRecording {
+        /// The file.
+        file: PathBuf,
+    },
     /// No channel that could be a sensor.
     #[error("the recordings have no channel in common that could be a sensor; they have {found}")]
     NoSensor {

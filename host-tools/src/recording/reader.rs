@@ -190,6 +190,11 @@ impl Recording {
         self.corners = corners;
     }
 
+    /// `false` if the head of the file has no row of numbers below a row of names.
+    pub(crate) fn looks_recorded(&self) -> bool {
+        self.source.looks_recorded()
+    }
+
     /// Place of the channels' units, for messages about them.
     pub(crate) fn units_at(&self) -> Option<Place> {
         self.source.units_at()

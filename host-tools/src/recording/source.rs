@@ -224,6 +224,11 @@ pub trait Source {
         false
     }
 
+    /// `false` if the head of the file has no row of numbers below a row of names.
+    fn looks_recorded(&self) -> bool {
+        true
+    }
+
     /// The form in which the file is read, in words, where it was guessed.
     fn described(&self) -> Option<String> {
         None

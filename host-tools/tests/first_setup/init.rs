@@ -308,6 +308,9 @@ fn a_table_that_does_not_fit_is_refused_with_its_line() {
     std::fs::write(path.join("t.csv"), "time,drive\n0,1\n").unwrap();
     init(path, &["t.csv".to_owned()], &["--force"])
         .refused_input("no channel in common … time, drive");
+    std::fs::write(path.join("t.csv"), "Dear all\nplease find, below\n").unwrap();
+    init(path, &["t.csv".to_owned()], &["--force"])
+        .refused_input("t.csv: no row of numbers stands below a row of names");
     init(path, &["no.csv".to_owned()], &["--force"]).refused_input("no.csv");
     let twice = ["x.csv".to_owned(), "./x.csv".to_owned()];
     init(path, &twice, &["--force"]).refused_input("x.csv is given twice");

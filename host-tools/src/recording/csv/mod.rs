@@ -312,6 +312,10 @@ impl Source for CsvFile {
         Some(Place::Line(self.dialect.line + 1))
     }
 
+    fn looks_recorded(&self) -> bool {
+        self.dialect.columns.is_some()
+    }
+
     fn units_at(&self) -> Option<Place> {
         // A row of them stands below the names.
         let below = u64::from(self.dialect.units);
