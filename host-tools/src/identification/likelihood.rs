@@ -4,11 +4,12 @@
 use super::coupling::Coupling;
 use super::drift;
 use super::notice::notice;
+use super::odd_run::OddRun;
 use super::plausible::plausibility;
 use super::refusal::refusal;
 use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, TypeB, estimates};
 use crate::likelihood::{
-    self, Covariance10, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
+    self, Covariance10, Doubt, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
 };
 use crate::measure::{NoRecords, NoiseOrigin, Progress, Records, Work, read_records};
 use crate::parallel::processors;
@@ -49,6 +50,8 @@ pub struct Likelihood {
     pub over_bound: Option<f64>,
     /// Source of the noise.
     pub noise: Option<NoiseOrigin>,
+    /// The run that contradicts the others, where all together fit no structure.
+    pub odd_run: Option<OddRun>,
 }
 
 impl Likelihood {
@@ -60,6 +63,7 @@ impl Likelihood {
             rejected: Vec::new(),
             over_bound: None,
             noise: None,
+            odd_run: None,
         }
     }
 
@@ -139,6 +143,7 @@ pub(crate) fn fit_records(
         rejected: Vec::new(),
         over_bound: None,
         noise: Some(read.origin),
+        odd_run: None,
     };
     let mut highest = band[1];
     // About the point about which the noise was estimated, so that the numbers are the same wherever A lies. Where the
@@ -165,7 +170,7 @@ pub(crate) fn fit_records(
                 break;
             }
         };
-        let doubt = fit.doubt().map(|d| d.to_string());
+        let doubt = fit.doubt();
         let mut modes: Vec<f64> = fit.model.modes.iter().map(|m| m.frequency()).collect();
         modes.sort_by(f64::total_cmp);
         let covariance = fit.covariance;
@@ -177,7 +182,15 @@ pub(crate) fn fit_records(
             }
             return found;
         };
-        found.rejected.push((highest, doubt));
+        let is_first = found.rejected.is_empty();
+        found.rejected.push((highest, doubt.to_string()));
+        if is_first && matches!(doubt, Doubt::Residuals(_) | Doubt::NotConverged) {
+            found.odd_run = OddRun::among(&cut, &options, progress);
+        }
+        // Of another sample rate or structure fewer lines are wrong, too.
+        if found.odd_run.is_some() {
+            break;
+        }
         let narrower = [modes.get(1), modes.first()].into_iter().flatten();
         let narrower = narrower.map(|f| f * ABOVE).find(|f| *f < 0.98 * highest);
         let Some(narrower) = narrower.filter(|f| *f > 2.0 * band[0]) else {
@@ -290,7 +303,9 @@ impl Session<'_> {
             found.rejected.insert(0, (highest, left_out.reason));
         }
         answer.warnings.extend(warnings);
+        let odd = found.odd_run.as_ref().map(|odd| odd.refusal(setup));
         take(&mut answer, found, setup);
+        answer.refused = answer.refused.or(odd);
         Ok(answer)
     }
 }
