@@ -9,13 +9,13 @@ use crate::setup::Setup;
 
 /// Least number of runs of which one can be odd: two more have to agree.
 const LEAST: usize = 3;
-/// Relative difference up to which two natural frequencies are of one mode: a resonance moves by half of this
-/// between runs.
+/// Relative difference up to which two natural frequencies are of one mode: twice that of a resonance that the study
+/// moves in one run.
 const SAME: f64 = 0.01;
 /// The same of frequencies by another sample rate, all of which are off by one factor.
 const MULTIPLE: f64 = 0.003;
-/// Modes that have to be multiples by any factor, and by a power of two: of four modes beside four others, three are
-/// by chance in one of fifty runs, and two by one of the powers from 1/4 to 4 in one of a thousand.
+/// Modes that have to be multiples by any factor, and by a power of two. Of four modes beside four others, drawn over
+/// three octaves, three are by chance in one of 400 runs, and two by a power of two in one of 1500.
 const MATCHES: [usize; 2] = [3, 2];
 
 /// The run.

@@ -429,14 +429,25 @@ impl Recording {
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
             return Ok(None);
         };
-        let (place, before, found) = descent.unwrap_or((probe.place, first, last));
-        let descent = RecordingError::TimeDescends {
-            file: self.file.clone(),
-            place,
-            before: self.second * before,
-            found: self.second * found,
+        if times.len() == 1 {
+            return Ok(None);
+        }
+        let file = self.file.clone();
+        let error = match descent {
+            Some((place, before, found)) => RecordingError::TimeDescends {
+                file,
+                place,
+                before: self.second * before,
+                found: self.second * found,
+            },
+            None => RecordingError::TimeJump {
+                file,
+                place: probe.place,
+                found: self.second * last,
+                expected: self.second * first,
+            },
         };
-        Times::new(times, self.second).map(Some).ok_or(descent)
+        Times::new(times, self.second).map(Some).ok_or(error)
     }
 
     /// A second opening that reads the channel of time alone.

@@ -50,6 +50,17 @@ fn times_that_do_not_ascend() {
             .edit(X, |text| with_time(text, rate, 0))
             .refused_input(&words);
     }
+    // The time of one sample neither ascends nor descends.
+    let one = |text: &str| {
+        with_time(text, 512.0, 0)
+            .lines()
+            .take(2)
+            .map(|l| format!("{l}\n"))
+            .collect()
+    };
+    Bench::fork()
+        .edit(X, one)
+        .refused_data("lateral-x.csv … 1 samples give 0 block(s)");
 }
 
 #[test]
