@@ -119,11 +119,19 @@ struct Normal {
     /// The value of `matrix` for noise alone, see [`floor`]; used up by [`determine`].
     noise: Matrix10,
     forces: f64,
+    stated: Stated,
+}
+
+/// Noise of the equations as it was stated.
+#[derive(Clone, Copy, Debug)]
+struct Stated {
+    /// Number of equations.
     rows: f64,
-    /// Sum of all variances of equations that were not weighted by them.
+    /// Sum of the equations' variances.
     variance: f64,
     /// `true` if every equation was weighted by its variance.
     weighted: bool,
+    /// Degrees of freedom of the variances' estimate.
     freedom: f64,
 }
 
@@ -133,10 +141,12 @@ impl Normal {
         right: NO_VECTOR,
         noise: NO_MATRIX,
         forces: 0.0,
-        rows: 0.0,
-        variance: 0.0,
-        weighted: false,
-        freedom: 0.0,
+        stated: Stated {
+            rows: 0.0,
+            variance: 0.0,
+            weighted: false,
+            freedom: 0.0,
+        },
     };
 
     /// Leaves `Σ Bᵀ var B` in `meat`: what the covariance comes from where equations are not
@@ -153,8 +163,9 @@ impl Normal {
         *self = Self::EMPTY;
         meat.fill(0.0);
         let known = |set: &Masslines<PAIRS>| set.pairs().iter().all(|p| p.variance.max() > 0.0);
-        self.weighted = sets.iter().all(|s| s.equations().is_whitened() && known(s));
-        self.freedom = sets
+        let weighted = sets.iter().all(|s| s.equations().is_whitened() && known(s));
+        self.stated.weighted = weighted;
+        self.stated.freedom = sets
             .iter()
             .map(Masslines::freedom)
             .fold(f64::INFINITY, f64::min);
@@ -166,22 +177,22 @@ impl Normal {
             for pair in set.pairs() {
                 let b = measured(e, &(t * pair.acceleration), mass);
                 let f = e * resultants_at(&shift, &pair.force);
-                let w = if self.weighted {
+                let w = if weighted {
                     weights(&weighed.variance(pair))
                 } else {
                     ONES
                 };
                 add_square(&mut self.matrix, &b, &w);
-                if !self.weighted {
+                if !weighted {
                     add_square(meat, &b, &pair.variance);
                 }
                 let weighted = f.component_mul(&w);
                 self.right += b.tr_mul(&weighted);
                 self.forces += f.dot(&weighted);
-                self.rows += weighed.count as f64;
-                self.variance += pair.variance.sum();
+                self.stated.rows += weighed.count as f64;
+                self.stated.variance += pair.variance.sum();
             }
-            let w = if self.weighted {
+            let w = if weighted {
                 weighed.mean_weights(set.pairs())
             } else {
                 ONES
@@ -192,6 +203,70 @@ impl Normal {
                 add_square(&mut self.noise, &b, &w);
             }
         }
+    }
+
+    fn is_finite(&self) -> bool {
+        (self.matrix.iter().chain(self.right.iter())).all(|x| x.is_finite())
+    }
+
+    /// Scales the unknowns so that the diagonal becomes one, in metres or millimetres alike (column equilibration), and
+    /// returns the factors.
+    fn equilibrate(&mut self, meat: &mut Matrix10) -> Vector10 {
+        let d = self.matrix.diagonal().map(|x| {
+            if x > f64::MIN_POSITIVE {
+                1.0 / libm::sqrt(x)
+            } else {
+                0.0
+            }
+        });
+        scale(&mut self.matrix, &d);
+        scale(meat, &d);
+        scale(&mut self.noise, &d);
+        self.right.component_mul_assign(&d);
+        d
+    }
+}
+
+impl Stated {
+    /// Turns the meat of [`Normal::stack`] into the covariance for the variances that were stated.
+    fn spread(&self, inverse: &Matrix10, bound: Option<&Bound>, covariance: &mut Matrix10) {
+        if self.weighted {
+            covariance.copy_from(inverse);
+            if let Some(bound) = bound {
+                bound.add_to(covariance);
+            }
+        } else {
+            multiply_left(inverse, covariance);
+            multiply_right(covariance, inverse);
+        }
+    }
+
+    /// Widens the covariance where the forces that are `left` exceed their noise, and returns the
+    /// ratio of the two (Birge's), `None` where no noise was stated: then what is left is the noise.
+    fn widen(
+        &self,
+        left: f64,
+        freedom: f64,
+        inverse: &Matrix10,
+        covariance: &mut Matrix10,
+    ) -> Option<f64> {
+        if freedom > 0.0 && self.variance > 0.0 {
+            let expected = if self.weighted {
+                freedom
+            } else {
+                self.variance * freedom / self.rows
+            };
+            let ratio = left / expected;
+            // What is no number widens them, too, and is refused with them.
+            *covariance *= if ratio <= 1.0 { 1.0 } else { ratio };
+            return Some(ratio);
+        }
+        if freedom > 0.0 {
+            for (c, i) in covariance.iter_mut().zip(inverse) {
+                *c = i * (left / freedom);
+            }
+        }
+        None
     }
 }
 
@@ -215,7 +290,7 @@ pub(super) fn solve<const PAIRS: usize>(
     space: &mut Workspace,
 ) -> Result<(), IdentifyError> {
     solve_with(sets, point, known_mass, None, space)?;
-    if space.normal.weighted && sets.iter().any(is_turned) {
+    if space.normal.stated.weighted && sets.iter().any(is_turned) {
         let body = space.solved.sigma;
         solve_with(sets, point, known_mass, Some(&body), space)?;
     }
@@ -237,22 +312,10 @@ fn solve_with<const PAIRS: usize>(
     } = space;
     let mass = known_mass.unwrap_or(1.0);
     n.stack(sets, point, mass, body, &mut into.covariance);
-    let finite = n.matrix.iter().chain(n.right.iter()).all(|x| x.is_finite());
-    if !finite {
+    if !n.is_finite() {
         return Err(IdentifyError::NotFinite);
     }
-    // Column equilibration: metres or millimetres, the diagonal becomes one.
-    let d = n.matrix.diagonal().map(|x| {
-        if x > f64::MIN_POSITIVE {
-            1.0 / libm::sqrt(x)
-        } else {
-            0.0
-        }
-    });
-    scale(&mut n.matrix, &d);
-    scale(&mut into.covariance, &d);
-    scale(&mut n.noise, &d);
-    n.right.component_mul_assign(&d);
+    let d = n.equilibrate(&mut into.covariance);
 
     let pairs = sets.iter().map(|set| set.pairs().len()).max().unwrap_or(0);
     let mut undetermined = determine(&n.matrix, &mut n.noise, inverse, pairs)
@@ -262,16 +325,13 @@ fn solve_with<const PAIRS: usize>(
         sets,
         point,
         mass,
-        weighted: n.weighted,
+        weighted: n.stated.weighted,
         body,
         units: &d,
     };
-    let freedom = n.rows - undetermined.unknowns() as f64;
     let mut left = not_negative(n.forces - sigma.dot(&n.right));
-    let mut consistency = None;
-    let covariance = &mut into.covariance;
     let mut bound = None;
-    if n.weighted && undetermined.unknowns() < 10 && sets.iter().any(is_turned) {
+    if n.stated.weighted && undetermined.unknowns() < 10 && sets.iter().any(is_turned) {
         let equations = (&n.matrix, &n.right);
         bound = Bound::new(
             &answered,
@@ -286,33 +346,10 @@ fn solve_with<const PAIRS: usize>(
         let explained = 2.0 * sigma.dot(&n.right) - sigma.dot(&times(&n.matrix, &sigma));
         left = not_negative(n.forces - explained);
     }
-    if n.weighted {
-        covariance.copy_from(inverse);
-        if let Some(bound) = &bound {
-            bound.add_to(covariance);
-        }
-    } else {
-        multiply_left(inverse, covariance);
-        multiply_right(covariance, inverse);
-    }
-    if freedom > 0.0 {
-        if n.variance > 0.0 {
-            // Birge's ratio: what a rigid body leaves over, against what noise would.
-            let expected = if n.weighted {
-                freedom
-            } else {
-                n.variance * freedom / n.rows
-            };
-            let ratio = left / expected;
-            // What is no number widens them, too, and is refused with them.
-            *covariance *= if ratio <= 1.0 { 1.0 } else { ratio };
-            consistency = Some(ratio);
-        } else {
-            for (c, i) in covariance.iter_mut().zip(&*inverse) {
-                *c = i * (left / freedom);
-            }
-        }
-    }
+    let covariance = &mut into.covariance;
+    n.stated.spread(inverse, bound.as_ref(), covariance);
+    let freedom = n.stated.rows - undetermined.unknowns() as f64;
+    let consistency = n.stated.widen(left, freedom, inverse, covariance);
     // The pull of the noise is a bias: its square joins the variance.
     let mut pull = times(inverse, &answered.pull(&sigma, |set| *set.pull()));
     if let Some(bound) = &bound {
@@ -357,7 +394,7 @@ fn solve_with<const PAIRS: usize>(
     } else {
         0.0
     };
-    into.freedom = n.freedom;
+    into.freedom = n.stated.freedom;
     into.known_mass = known_mass;
     Ok(())
 }

@@ -193,7 +193,34 @@ impl Regression {
         if unknowns == 0 || rows == 0 || freedom < 1.0 {
             return None;
         }
-        // Where the unknowns are in the sums: those of the rigid term last.
+        let places = self.places(chosen);
+        let nuisance = unknowns - rank;
+        self.factorize(&places, [unknowns, nuisance], &mut into.schur)?;
+        if !all_terms {
+            into.variances = variances(&into.schur, rank)?;
+        }
+        if let Wanted::FirstTerm(full, least) = wanted {
+            let shares = into.variances.iter().zip(&full.variances);
+            let variance: f64 = shares.take(rank).map(|(p, p_full)| p / p_full).sum();
+            if variance * rows as f64 >= least {
+                return None;
+            }
+        }
+        self.project(&places, unknowns, &mut into.coefficients);
+        if !matches!(wanted, Wanted::FirstTerm(..)) {
+            into.residual = self.unexplained(&into.coefficients, unknowns) / freedom;
+            self.floor(&mut into.residual);
+        }
+        let first = if all_terms { 0 } else { nuisance };
+        self.substitute_back(first, [unknowns, nuisance], &mut into.coefficients);
+        into.terms = heapless::Vec::from_slice(chosen).ok()?;
+        into.inflation = 1.0;
+        Some(())
+    }
+
+    /// Places of the unknowns in the sums: those of the rigid term, the first of the chosen ones, last.
+    fn places(&self, chosen: &[usize]) -> [usize; SIZE] {
+        let rank = self.excitation.rank();
         let mut places = [0; SIZE];
         let (rigid, others) = chosen.split_at(1.min(chosen.len()));
         let in_order = others.iter().chain(rigid);
@@ -201,6 +228,17 @@ impl Regression {
         for (place, of_term) in places.iter_mut().zip(of_terms) {
             *place = of_term;
         }
+        places
+    }
+
+    /// Cholesky's factor of the normal matrix at these places, with the reciprocals of its diagonal. Elimination of the
+    /// `nuisance` first unknowns leaves the Schur complement of the others.
+    fn factorize(
+        &mut self,
+        places: &[usize; SIZE],
+        [unknowns, nuisance]: [usize; 2],
+        schur: &mut Matrix6<f64>,
+    ) -> Option<()> {
         let (places, normal) = (seen(&places[..]), seen(&self.sums.normal));
         let gathered = |i: usize, j: usize| {
             let (i, j) = (places[i], places[j]);
@@ -210,11 +248,8 @@ impl Regression {
                 normal[(j, i)]
             }
         };
-        // Cholesky's factor with the reciprocals of its diagonal. What the elimination of the others
-        // leaves of the rigid block is the Schur complement.
-        let nuisance = unknowns - rank;
-        into.schur.fill(0.0);
-        let schur = &mut cells(&mut into.schur);
+        schur.fill(0.0);
+        let schur = &mut cells(schur);
         for j in 0..unknowns {
             for i in j..unknowns {
                 let mut sum = gathered(i, j);
@@ -244,26 +279,15 @@ impl Regression {
                 }
             }
         }
-        if !all_terms {
-            into.variances = variances(&into.schur, rank)?;
-        }
-        if let Wanted::FirstTerm(full, least) = wanted {
-            let shares = into.variances.iter().zip(&full.variances);
-            let variance: f64 = shares.take(rank).map(|(p, p_full)| p / p_full).sum();
-            if variance * rows as f64 >= least {
-                return None;
-            }
-        }
-        let Solution {
-            coefficients,
-            residual,
-            ..
-        } = into;
-        // One right-hand side after the other. What each leaves of the power is taken off
-        // before the back substitution overwrites its projections.
-        coefficients.fill(0.0);
-        let columns = self.sums.right.data.0.iter();
-        for (right, filled) in columns.zip(&mut coefficients.data.0).take(rows) {
+        Some(())
+    }
+
+    /// Projections of each right-hand side, by forward substitution.
+    fn project(&self, places: &[usize; SIZE], unknowns: usize, into: &mut Right) {
+        let places = seen(&places[..]);
+        into.fill(0.0);
+        let columns = self.sums.right.data.0.iter().zip(&mut into.data.0);
+        for (right, filled) in columns.take(self.equations.count()) {
             let (right, filled) = (seen(&right[..]), &mut filled[..]);
             for i in 0..unknowns {
                 let mut sum = right[places[i]];
@@ -274,25 +298,36 @@ impl Regression {
                 cells(filled)[i] = sum * seen(row)[i];
             }
         }
-        let filled = seen(&*coefficients);
-        let first = if all_terms { 0 } else { nuisance };
-        if !matches!(wanted, Wanted::FirstTerm(..)) {
-            *residual = self.sums.power;
-            let left = &mut cells(residual);
-            for c in 0..rows {
-                for d in 0..=c {
-                    let mut explained = 0.0;
-                    for i in 0..unknowns {
-                        explained += filled[(i, c)] * filled[(i, d)];
-                    }
-                    left[(c, d)] -= explained;
-                    left[(d, c)] = left[(c, d)];
+    }
+
+    /// Power of the measured equations that their projections leave.
+    fn unexplained(&self, projections: &Right, unknowns: usize) -> Matrix6<f64> {
+        let mut power = self.sums.power;
+        let (left, projections) = (&mut cells(&mut power), seen(projections));
+        for c in 0..self.equations.count() {
+            for d in 0..=c {
+                let mut explained = 0.0;
+                for i in 0..unknowns {
+                    explained += projections[(i, c)] * projections[(i, d)];
                 }
+                left[(c, d)] -= explained;
+                left[(d, c)] = left[(c, d)];
             }
-            *residual /= freedom;
-            self.floor(residual);
         }
-        for column in coefficients.data.0.iter_mut().take(rows) {
+        power
+    }
+
+    /// Coefficients from their projections, of the unknowns from `first` on. Those of the rigid term, which are the last,
+    /// come first then.
+    fn substitute_back(
+        &self,
+        first: usize,
+        [unknowns, nuisance]: [usize; 2],
+        coefficients: &mut Right,
+    ) {
+        let rank = unknowns - nuisance;
+        let columns = coefficients.data.0.iter_mut();
+        for column in columns.take(self.equations.count()) {
             for i in (first..unknowns).rev() {
                 let row = self.factor.row(i);
                 let x = seen(&column[..])[i] * seen(row)[i];
@@ -301,7 +336,6 @@ impl Regression {
                     *left -= l * x;
                 }
             }
-            // The rigid term comes first.
             let column = &mut cells(&mut column[..]);
             let last = |i| if i < rank { column[nuisance + i] } else { 0.0 };
             let rigid: [f64; 6] = core::array::from_fn(last);
@@ -312,9 +346,6 @@ impl Regression {
                 column[i] = *x;
             }
         }
-        into.terms = heapless::Vec::from_slice(chosen).ok()?;
-        into.inflation = 1.0;
-        Some(())
     }
 
     /// Takes `left`, the residual power of all six resultants from elsewhere, for the

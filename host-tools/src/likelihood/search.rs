@@ -4,7 +4,7 @@
 use super::excited::Excited;
 use super::model::{FittedMode, Model, response, rest_of};
 use super::record::Record;
-use super::solve::to_unit_diagonal;
+use super::solve::{scaled, to_unit_diagonal};
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector6};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -122,94 +122,20 @@ impl Groups {
         modes
     }
 
-    /// Gain, frequency, damping and residue of the best candidate of each kind.
+    /// The best candidate of each kind.
     fn candidates(&self, model: &Model) -> Option<[Option<Candidate>; 3]> {
-        let k = self.excited.power.len();
-        let known = 2 + model.modes.len();
-        // Functions of frequency of the known terms, group by group, and weights.
-        let mut functions: Vec<Vec<C>> = Vec::with_capacity(self.groups.len());
-        let mut weights = Vec::with_capacity(self.groups.len());
-        for group in &self.groups {
-            let ratio = group.frequency / self.highest;
-            let mut of = vec![Complex::from(1.0), Complex::from(rest_of(ratio))];
-            for mode in &model.modes {
-                of.push(response(
-                    group.frequency / mode.frequency(),
-                    mode.damping(),
-                    mode.exponent,
-                ));
-            }
-            functions.push(of);
-            let m = model.at(usize::MAX, group.frequency);
-            let spread = m * self.base_noise.map(Complex::from) * m.adjoint();
-            let information = self.force_information.map(Complex::from);
-            weights.push(1.0 / (1.0 + (spread * information).trace().re / 6.0));
-        }
-        let size = k * known;
-        let mut normal = DMatrix::<f64>::zeros(size, size);
-        let mut right = DMatrix::<f64>::zeros(size, 6);
-        for ((group, of), weight) in self.groups.iter().zip(&functions).zip(&weights) {
-            for (b, phi) in of.iter().enumerate() {
-                add_right(&mut right, b * k, group, *phi, *weight);
-                for (c, psi) in of.iter().enumerate() {
-                    let product = phi.conj() * psi * *weight;
-                    add_product(&mut normal, (b * k, c * k), group, product);
-                }
-            }
-        }
-        let scale = to_unit_diagonal(&mut normal);
-        for j in 0..size {
-            normal[(j, j)] += 1e-10;
-        }
-        let factor = normal.cholesky()?;
-        let scaled = |mut m: DMatrix<f64>| {
-            for j in 0..m.ncols() {
-                for i in 0..size {
-                    m[(i, j)] *= scale[i];
-                }
-            }
-            m
-        };
-        // L⁻¹ of the right sides: products with it take off what the known terms explain.
-        let right = factor.l().solve_lower_triangular(&scaled(right))?;
-        let lower = factor.l();
-        let lowest = self.groups.first()?.frequency;
-        let steps = (self.highest * BEYOND / (4.0 * lowest)).ln() / STEP.ln_1p();
-        let blocks: Vec<Blocks> = (self.groups.iter().zip(&functions).zip(&weights))
-            .map(|((group, of), weight)| Blocks::new(group, of, *weight))
-            .collect();
+        let known = Known::new(self, model)?;
         let mut best: [Option<Candidate>; 3] = [None, None, None];
-        let poles: Vec<[f64; 2]> = (0..=(steps.max(0.0) as usize))
-            .flat_map(|step| {
-                let frequency = 4.0 * lowest * (step as f64 * STEP.ln_1p()).exp();
-                DAMPINGS.map(|damping| [frequency, damping])
-            })
-            .collect();
-        let crossed = size * k;
-        for together in poles.chunks(TOGETHER) {
+        for together in self.poles()?.chunks(TOGETHER) {
             let found = Arch::new().dispatch(Candidates {
                 poles: together,
                 groups: &self.groups,
-                blocks: &blocks,
+                blocks: &known.blocks,
             });
             for (&[frequency, damping], sums) in together.iter().zip(found) {
-                let cross = scaled(DMatrix::from_column_slice(size, k, &sums.of[..crossed]));
-                let Some(cross) = lower.solve_lower_triangular(&cross) else {
+                let Some((gain, residue)) = known.gain(&sums) else {
                     continue;
                 };
-                let mut own = DMatrix::from_column_slice(k, k, &sums.own);
-                let mut rest = DMatrix::from_column_slice(k, 6, &sums.of[crossed..]);
-                let diagonal: f64 = own.trace();
-                own -= cross.transpose() * &cross;
-                rest -= cross.transpose() * &right;
-                for j in 0..k {
-                    own[(j, j)] += 1e-9 * diagonal / k as f64;
-                }
-                let Some(factor) = own.cholesky() else {
-                    continue;
-                };
-                let residue = factor.solve(&rest);
-                let gain = residue.dot(&rest);
                 let away = |m: &FittedMode| (m.frequency() / frequency - 1.0).abs() > NEAR;
                 let kinds = [
                     true,
@@ -226,6 +152,38 @@ impl Groups {
         Some(best)
     }
 
+    /// Frequencies in Hz and dampings of the candidates.
+    fn poles(&self) -> Option<Vec<[f64; 2]>> {
+        let lowest = 4.0 * self.groups.first()?.frequency;
+        let steps = (self.highest * BEYOND / lowest).ln() / STEP.ln_1p();
+        let frequencies =
+            (0..=(steps.max(0.0) as usize)).map(|step| lowest * (step as f64 * STEP.ln_1p()).exp());
+        Some(
+            frequencies
+                .flat_map(|frequency| DAMPINGS.map(|damping| [frequency, damping]))
+                .collect(),
+        )
+    }
+
+    /// Functions of frequency of the known terms.
+    fn functions(&self, model: &Model, frequency: f64) -> Vec<C> {
+        let ratio = frequency / self.highest;
+        let modes = (model.modes.iter())
+            .map(|mode| response(frequency / mode.frequency(), mode.damping(), mode.exponent));
+        [Complex::from(1.0), Complex::from(rest_of(ratio))]
+            .into_iter()
+            .chain(modes)
+            .collect()
+    }
+
+    /// Weight of lines whose accelerations' noise appears in the forces through the model.
+    fn weight(&self, model: &Model, frequency: f64) -> f64 {
+        let m = model.at(usize::MAX, frequency);
+        let spread = m * self.base_noise.map(Complex::from) * m.adjoint();
+        let information = self.force_information.map(Complex::from);
+        1.0 / (1.0 + (spread * information).trace().re / 6.0)
+    }
+
     /// L of the residue that is nearest to rank one: from the direction of most power.
     fn participation(&self, residue: &DMatrix<f64>) -> Option<Vector6<f64>> {
         let k = self.excited.power.len();
@@ -239,6 +197,78 @@ impl Groups {
         let work = self.excited.directions.transpose() * &forces;
         let l = forces * self.excited.strongest(&work)?;
         Some(Vector6::from_fn(|i, _| l[i]))
+    }
+}
+
+/// Rigid body, term in ω² and known modes, whose share is taken off before a candidate is judged.
+struct Known {
+    /// Cholesky's factor of their normal matrix, whose diagonal was scaled to one by `scale`.
+    lower: DMatrix<f64>,
+    scale: DVector<f64>,
+    /// The factor's inverse times the resultants.
+    right: DMatrix<f64>,
+    /// Products of each group with their functions of frequency.
+    blocks: Vec<Blocks>,
+    /// Number of excited directions.
+    k: usize,
+}
+
+impl Known {
+    /// Those of a model; `None` where they cannot be told apart.
+    fn new(lines: &Groups, model: &Model) -> Option<Self> {
+        let k = lines.excited.power.len();
+        let functions: Vec<Vec<C>> = (lines.groups.iter())
+            .map(|group| lines.functions(model, group.frequency))
+            .collect();
+        let weights: Vec<f64> = (lines.groups.iter())
+            .map(|group| lines.weight(model, group.frequency))
+            .collect();
+        let size = k * (2 + model.modes.len());
+        let mut normal = DMatrix::<f64>::zeros(size, size);
+        let mut right = DMatrix::<f64>::zeros(size, 6);
+        for ((group, of), weight) in lines.groups.iter().zip(&functions).zip(&weights) {
+            for (b, phi) in of.iter().enumerate() {
+                add_right(&mut right, b * k, group, *phi, *weight);
+                for (c, psi) in of.iter().enumerate() {
+                    let product = phi.conj() * psi * *weight;
+                    add_product(&mut normal, (b * k, c * k), group, product);
+                }
+            }
+        }
+        let scale = to_unit_diagonal(&mut normal);
+        for j in 0..size {
+            normal[(j, j)] += 1e-10;
+        }
+        let lower = normal.cholesky()?.l();
+        let blocks = (lines.groups.iter().zip(&functions).zip(&weights))
+            .map(|((group, of), weight)| Blocks::new(group, of, *weight))
+            .collect();
+        let right = lower.solve_lower_triangular(&scaled(right, &scale))?;
+        Some(Self {
+            lower,
+            scale,
+            right,
+            blocks,
+            k,
+        })
+    }
+
+    /// What a candidate explains beside them, and its residue; `None` where it cannot be told from them.
+    fn gain(&self, sums: &Candidated) -> Option<(f64, DMatrix<f64>)> {
+        let (k, size) = (self.k, self.lower.nrows());
+        let (cross, rest) = sums.of.split_at(size * k);
+        let cross = scaled(DMatrix::from_column_slice(size, k, cross), &self.scale);
+        let cross = self.lower.solve_lower_triangular(&cross)?;
+        let mut own = DMatrix::from_column_slice(k, k, &sums.own);
+        let mut rest = DMatrix::from_column_slice(k, 6, rest);
+        let diagonal: f64 = own.trace();
+        own -= cross.transpose() * &cross;
+        rest -= cross.transpose() * &self.right;
+        for j in 0..k {
+            own[(j, j)] += 1e-9 * diagonal / k as f64;
+        }
+        let residue = own.cholesky()?.solve(&rest);
+        Some((residue.dot(&rest), residue))
     }
 }
 

@@ -18,6 +18,14 @@ pub(super) fn to_unit_diagonal(matrix: &mut DMatrix<f64>) -> DVector<f64> {
     scale
 }
 
+/// Rows times their scales.
+pub(super) fn scaled(mut matrix: DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
+    for mut column in matrix.column_iter_mut() {
+        column.component_mul_assign(scale);
+    }
+    matrix
+}
+
 /// Solution of `matrix X = right` for a positive semidefinite matrix, columns scaled alike;
 /// `None` where numbers are not finite.
 pub(super) fn solve_symmetric(
@@ -26,12 +34,7 @@ pub(super) fn solve_symmetric(
 ) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     let scale = to_unit_diagonal(&mut matrix);
-    let mut scaled = right.clone();
-    for j in 0..scaled.ncols() {
-        for i in 0..n {
-            scaled[(i, j)] *= scale[i];
-        }
-    }
+    let right = scaled(right.clone(), &scale);
     // What rounding leaves of columns that depend on others, from little to much.
     let factor = [1e-12, 1e-11, 1e-10, 1e-9, 1e-8]
         .into_iter()
@@ -42,11 +45,6 @@ pub(super) fn solve_symmetric(
             }
             raised.cholesky()
         });
-    let mut solved = factor?.solve(&scaled);
-    for j in 0..solved.ncols() {
-        for i in 0..n {
-            solved[(i, j)] *= scale[i];
-        }
-    }
+    let solved = scaled(factor?.solve(&right), &scale);
     solved.iter().all(|x| x.is_finite()).then_some(solved)
 }
