@@ -8,6 +8,7 @@ use super::{
 };
 use crate::commands::Verbosity;
 use crate::detective::{self, Findings};
+use crate::format::plain;
 use crate::identification::{Answer, Choice, LIKELIHOOD, Refusal, Session, WARNED, Wanted};
 use crate::output::{self, Existing};
 use crate::printable::quoted;
@@ -16,6 +17,12 @@ use crate::result::ResultDocument;
 use crate::setup::{Setup, read_document};
 use crate::simulate::Truth;
 use std::path::{Path, PathBuf};
+
+/// Contradiction of poses, over what sensors usually differ by, from which their numbers are refused: gains that are
+/// 2.5 % off, directions 2.5° and positions 5 mm.
+const GRAVE: f64 = 5.0;
+/// Advice where no fault was named.
+const CHECK: &str = "check `direction`, `position` and `scale` of each sensor, and that the rows of all channels belong to the same poses; `massline check` says more";
 
 /// Identify the ten rigid-body properties from recordings
 #[derive(clap::Args)]
@@ -249,7 +256,9 @@ pub(super) fn with_progress(
             || answer.misses_modes(setup)
             // Sensors on the structure bend these methods, and no test of the balance tells.
             || !answer.method.interface_only()
-            || detective::is_doubtful(setup, answer.identification.mass.map(|m| m.value));
+            || detective::is_doubtful(setup, answer.identification.mass.map(|m| m.value))
+            // A gain or a shift that all sensors of a kind share leaves a rigid body, too: another one.
+            || (method.is_none() && session.is_contradicted(progress));
         // What cannot be examined has been answered all the same.
         let findings = doubtful.then(|| session.examine(progress).ok()).flatten();
         let findings = findings.filter(|findings| !findings.clean());
@@ -263,6 +272,12 @@ pub(super) fn with_progress(
             };
             if let Some(refused) = &mut answer.refused {
                 refused.remedy = remedy;
+            } else if findings.as_ref().is_some_and(Findings::of_all) {
+                let fact = "the sensors contradict each other, and a fault that all of a kind share explains it, which bends the numbers by more than their error bars";
+                answer.refused = Some(Refusal {
+                    fact: fact.to_owned(),
+                    remedy,
+                });
             } else if answer.misses_modes(setup) {
                 let fact = "no elastic mode is found in `mode_band`, and a fault of the sensors explains it";
                 answer.refused = Some(Refusal {
@@ -270,6 +285,20 @@ pub(super) fn with_progress(
                     remedy,
                 });
             }
+        }
+        // Of poses no error bar holds what sensors differ by.
+        if let Some(findings) = &findings
+            && (answer.refused.is_none() && !answer.is_dynamic())
+            && findings.balance > GRAVE * GRAVE
+        {
+            let culprits = findings.culprits();
+            answer.refused = Some(Refusal {
+                fact: format!(
+                    "the load cells and the accelerometers on the interface contradict each other by {} times what usual differences explain",
+                    plain(findings.balance.sqrt(), 2)
+                ),
+                remedy: culprits.unwrap_or_else(|| CHECK.to_owned()),
+            });
         }
         // What is missing is looked for in others.
         if let Some(refused) = &mut answer.refused

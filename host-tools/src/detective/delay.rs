@@ -7,8 +7,12 @@ use super::hypothesis::places;
 use super::sensor::Kind;
 use super::table::{Gauge, Line, Regression};
 
-/// Delays that are tried, samples on both sides in halves.
+/// Delays that are tried first, samples on both sides in halves.
 const LATEST: i32 = 24;
+/// Parts of half a sample to which delays are rounded.
+const ROUNDED: f64 = 50.0;
+/// Phase at the highest line, rad, that sensors and amplifiers usually differ by: half a degree.
+const LEAST: f64 = 0.0087;
 /// Unexplained share of a channel at its best delay, over that without one, below which it may be
 /// late.
 const HALVED: f64 = 0.5;
@@ -72,8 +76,8 @@ impl Evidence {
         Some(sum / self.mountings.len() as f64)
     }
 
-    /// The delay of a channel against the others, as a phase at the highest line, where one of at
-    /// least half a sample halves what they do not explain of it.
+    /// The delay of a channel against the others, as a phase at the highest line, where it halves what they do not explain
+    /// of it.
     fn lateness(&self, channel: usize) -> Option<f64> {
         let loud = |m: &&Mounted| !m.quiet.contains(&channel);
         let loud: Vec<&Mounted> = self.mountings.iter().filter(loud).collect();
@@ -86,19 +90,27 @@ impl Evidence {
             .zip(&gauges)
             .map(|(m, gauge)| Regression::new(&m.lines, gauge, m.equations))
             .collect::<Option<_>>()?;
-        let left = |halves: i32| -> Option<f64> {
-            let phase = f64::from(halves) * 0.5 * self.sample;
+        let left = |halves: f64| -> Option<f64> {
+            let phase = halves * 0.5 * self.sample;
             let shares = regressions.iter();
             let shares = shares
                 .map(|r| Some(r.fit(channel, self.terms(channel), phase)?.unexplained))
                 .collect::<Option<Vec<f64>>>()?;
             (!shares.is_empty()).then(|| shares.iter().sum())
         };
-        let now = left(0)?;
-        let best = (-LATEST..=LATEST)
+        let now = left(0.0)?;
+        let (best, least) = (-LATEST..=LATEST)
+            .map(f64::from)
             .filter_map(|halves| Some((halves, left(halves)?)))
             .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        (best.0 != 0 && best.1 < HALVED * now).then(|| f64::from(best.0) * 0.5 * self.sample)
+        // What is left goes with the square of what the delay is off.
+        let (before, after) = (left(best - 1.0)?, left(best + 1.0)?);
+        let curvature = before + after - 2.0 * least;
+        let aside = 0.5 * (before - after) / curvature;
+        let best = if curvature > 0.0 { best + aside } else { best };
+        let best = (best * ROUNDED).round() / ROUNDED;
+        let phase = best * 0.5 * self.sample;
+        (phase.abs() > LEAST && left(best)? < HALVED * now).then_some(phase)
     }
 
     /// The lines of all mountings with some channels earlier.

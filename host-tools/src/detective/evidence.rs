@@ -5,7 +5,7 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 
 use super::hypothesis::outlying;
 use super::model::{Bench, Mounting, equations};
-use super::search::{Found, search};
+use super::search::{CONTRADICTS, Found, search};
 use super::sensor::{Kind, Sensor};
 use super::state::{Rows, State};
 use super::table::{Gauge, Line, Regression};
@@ -495,6 +495,26 @@ impl Evidence {
             reach: REACH * (length + middle(sensors).norm()),
         };
         (!bench.mountings.is_empty()).then_some((state, bench))
+    }
+
+    /// `true` if some channels are late, or the set-up as it is contradicts itself.
+    pub(super) fn is_contradicted(&self) -> bool {
+        let score = || {
+            let (state, bench) = self.state(&self.sensors, &[])?;
+            bench.score(&state, 1.0)
+        };
+        !self.delays.is_empty() || score().is_some_and(|score| score.ratio() > CONTRADICTS)
+    }
+
+    /// Contradiction of the accelerometers on the interface and the load cells alone.
+    pub(super) fn balance(&self) -> Option<f64> {
+        let (mut state, bench) = self.state(&self.sensors, &[])?;
+        for (i, sensor) in self.sensors.iter().enumerate() {
+            if sensor.kind == Kind::Structure {
+                state.mountings.iter_mut().for_each(|m| m.rows[i] = None);
+            }
+        }
+        Some(bench.score(&state, 1.0)?.ratio())
     }
 
     /// Searches for the faults.

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 
-use super::hypothesis::{Fault, Hypothesis, Mistake, SHORTEST, places};
+use super::hypothesis::{Fault, Hypothesis, Mistake, SHORTEST, beside_structure, places};
 use super::mend::{mended, without};
 use super::model::{Bench, Motion};
+use super::sensor::Kind;
 use super::state::State;
 
 /// Smallest errors that are named: gain, cross-talk.
@@ -75,6 +76,8 @@ pub(super) fn fitted(
         class: places.len(),
         doubt: 0.0,
     }));
+    all.extend(trial.data());
+    all.extend(trial.interface());
     let cross = trial.cross_talks();
     let class = cross.len().max(trial.live.len() * 4);
     all.extend(cross.into_iter().map(|fault| Hypothesis {
@@ -156,11 +159,65 @@ impl Trial<'_> {
     /// Another position of the sensors of a place.
     fn position(&self, place: &[usize]) -> Option<Fault> {
         let here = self.state.sensors[place[0]].position;
-        let of = |shift: Vector3<f64>| Fault::Position {
+        self.shifted(&|shift| Fault::Position {
             place: place.to_vec(),
             position: here + shift,
             mistake: Mistake::Offset,
+        })
+    }
+
+    /// Other points from which the positions of all load cells, or of all accelerometers on the interface, were
+    /// measured. Of sensors at a single place it is their position.
+    fn data(&self) -> Vec<Hypothesis> {
+        let sensors = &self.state.sensors;
+        let of_kind = |wanted: &dyn Fn(Kind) -> bool| -> Vec<usize> {
+            (0..sensors.len())
+                .filter(|&i| wanted(sensors[i].kind))
+                .collect()
         };
+        let cells = of_kind(&Kind::is_cell);
+        let interface = of_kind(&|kind| kind == Kind::Interface);
+        let apart = |group: &Vec<usize>| {
+            let first = group.first().map(|&i| sensors[i].position);
+            group.iter().any(|&i| Some(sensors[i].position) != first)
+        };
+        let mut groups = [cells, interface].to_vec();
+        groups.retain(apart);
+        let faults = groups.iter().filter_map(|group| {
+            self.shifted(&|shift| Fault::Datum {
+                channels: group.clone(),
+                shift,
+            })
+        });
+        faults
+            .map(|fault| Hypothesis {
+                fault,
+                free: 3,
+                class: 2,
+                doubt: 0.0,
+            })
+            .collect()
+    }
+
+    /// A gain that all accelerometers on the interface share.
+    fn interface(&self) -> Option<Hypothesis> {
+        let channels = beside_structure(self.state)?;
+        let of = |x: f64| Fault::Unit {
+            channels: channels.clone(),
+            factor: x.exp(),
+        };
+        let x = lowest(&|x| self.chi2(&of(x)), 0.0, 0.05)?;
+        let is_large = (x.exp() - 1.0).abs() > SMALLEST[0];
+        is_large.then(|| Hypothesis {
+            fault: of(x),
+            free: 1,
+            class: 1,
+            doubt: 0.0,
+        })
+    }
+
+    /// A fault of a shift where it leaves least, if that is far enough to be one.
+    fn shifted(&self, of: &dyn Fn(Vector3<f64>) -> Fault) -> Option<Fault> {
         let mut shift = Vector3::zeros();
         // One coordinate after the other, and again: they are nearly independent.
         for round in 0..2 {
@@ -219,20 +276,28 @@ impl Trial<'_> {
     }
 }
 
-/// Moves a position that was found to where it leaves least: its coordinates depend on each other.
+/// Moves a position or shift that was found to where it leaves least: its coordinates depend on each other.
 pub(super) fn polish(bench: &Bench, state: &State, tolerance: f64, fault: &mut Fault) {
-    let Fault::Position {
-        place,
-        position,
-        mistake: Mistake::Offset,
-    } = fault.clone()
-    else {
-        return;
+    let given = fault.clone();
+    let position = match &given {
+        Fault::Position {
+            position,
+            mistake: Mistake::Offset,
+            ..
+        } => *position,
+        Fault::Datum { shift, .. } => *shift,
+        _ => return,
     };
-    let of = |position: Vector3<f64>| Fault::Position {
-        place: place.clone(),
-        position,
-        mistake: Mistake::Offset,
+    let of = |position: Vector3<f64>| match &given {
+        Fault::Datum { channels, .. } => Fault::Datum {
+            channels: channels.clone(),
+            shift: position,
+        },
+        _ => Fault::Position {
+            place: given.channels(),
+            position,
+            mistake: Mistake::Offset,
+        },
     };
     let chi2 =
         |position: Vector3<f64>| Some(bench.score(&without(state, &of(position)), tolerance)?.chi2);

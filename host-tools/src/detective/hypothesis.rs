@@ -83,12 +83,21 @@ pub enum Fault {
         /// The load cells.
         channels: Vec<usize>,
     },
-    /// All accelerometers, or all load cells, are in another unit; told by the weighed mass.
+    /// All accelerometers, or all load cells, are in another unit, told by the weighed mass; or all accelerometers on the
+    /// interface, told by those on the structure.
     Unit {
         /// The channels.
         channels: Vec<usize>,
         /// Found over expected.
         factor: f64,
+    },
+    /// All load cells, or all accelerometers on the interface, lie elsewhere by the same vector: their positions were
+    /// measured from another point.
+    Datum {
+        /// The channels.
+        channels: Vec<usize>,
+        /// From where the set-up has them to where they are, m.
+        shift: Vector3<f64>,
     },
     /// The channel contradicts all others in a way that is none of these.
     Unlisted {
@@ -293,6 +302,9 @@ pub(super) fn fixed(state: &State, quiet: &[usize], weighed: bool) -> Vec<Hypoth
         };
         factors.iter().map(unit).collect()
     };
+    if let Some(interface) = beside_structure(state) {
+        class(unit(&interface, &FACTORS));
+    }
     if !cells.is_empty() {
         if weighed {
             class([unit(&motion, &OF_MOTION), unit(&cells, &OF_FORCE)].concat());
@@ -300,6 +312,17 @@ pub(super) fn fixed(state: &State, quiet: &[usize], weighed: bool) -> Vec<Hypoth
         class(vec![Fault::Reversed { channels: cells }]);
     }
     all
+}
+
+/// The accelerometers on the interface, where several on the structure tell a gain that they share.
+pub(super) fn beside_structure(state: &State) -> Option<Vec<usize>> {
+    let live = state.live();
+    let of = |kind: Kind| -> Vec<usize> {
+        (live.iter().copied())
+            .filter(|&i| state.sensors[i].kind == kind)
+            .collect()
+    };
+    (of(Kind::Structure).len() > 1).then(|| of(Kind::Interface))
 }
 
 /// Positions in millimetres or inches that lie so far away that size alone tells it, with the
@@ -445,6 +468,11 @@ impl Fault {
             Self::Unit { channels, factor } => {
                 channels.iter().for_each(|&c| scale(state, c, 1.0 / factor));
             }
+            Self::Datum { channels, shift } => {
+                for &i in channels {
+                    state.sensors[i].position += shift;
+                }
+            }
             // Delays are taken out before the rows are made.
             Self::Delayed { .. } => {}
         }
@@ -453,7 +481,10 @@ impl Fault {
     /// `true` if all sensors of a kind share the fault.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        matches!(self, Self::Reversed { .. } | Self::Unit { .. })
+        matches!(
+            self,
+            Self::Reversed { .. } | Self::Unit { .. } | Self::Datum { .. }
+        )
     }
 
     /// The channels that the fault is about.
@@ -469,7 +500,8 @@ impl Fault {
             Self::Swapped { channels } => channels.to_vec(),
             Self::Delayed { channels, .. }
             | Self::Reversed { channels }
-            | Self::Unit { channels, .. } => channels.clone(),
+            | Self::Unit { channels, .. }
+            | Self::Datum { channels, .. } => channels.clone(),
             Self::PlacesExchanged { places: [a, b] } => [a.as_slice(), b].concat(),
             Self::Turned { place, .. } | Self::Position { place, .. } => place.clone(),
         }

@@ -118,6 +118,8 @@ pub struct Findings {
     pub contradiction: f64,
     /// The same after the repairs.
     pub repaired: f64,
+    /// The contradiction without the accelerometers on the structure.
+    pub balance: f64,
     /// Degrees of freedom.
     pub freedom: f64,
 }
@@ -173,6 +175,13 @@ impl Findings {
                 ""
             }
         )
+    }
+
+    /// `true` if all sensors of a kind share a fault: what they say of the body is wrong, and its error bars do not know.
+    #[must_use]
+    pub fn of_all(&self) -> bool {
+        let mut best = self.suspects.iter().filter_map(|s| s.explanations.first());
+        best.any(|explanation| explanation.fault.is_whole())
     }
 
     /// `true` if nothing was found.
@@ -248,8 +257,19 @@ pub(crate) fn examine(
             .collect(),
         contradiction: found.before.ratio(),
         repaired: found.after.ratio(),
+        balance: evidence.balance().unwrap_or(0.0),
         freedom: found.before.freedom,
     })
+}
+
+/// `true` if the sensors contradict each other or are late, so that it is worth to [`examine`] them; `false` where
+/// nothing can be said.
+pub(crate) fn is_contradicted(
+    setup: &Setup,
+    measurement: &Measurement,
+    channels: &Channels,
+) -> bool {
+    Evidence::new(setup, measurement, channels).is_ok_and(|evidence| evidence.is_contradicted())
 }
 
 /// The findings without the weighed mass, where it alone contradicts the set-up.

@@ -17,6 +17,8 @@ const SECOND: usize = 80;
 const TIE: f64 = 9.0;
 /// Factor that leaves nothing of a reading.
 const SILENCE: f64 = 1e6;
+/// Factor of a reading below which its repair may swamp all others.
+const MULTIPLIED: f64 = 0.6;
 /// Usual cross-talk of a sensor, a share of the other channel.
 const CROSS_TALK: f64 = 0.1;
 /// Faults with which the search for a pair begins, and how many of them may concern one channel.
@@ -181,6 +183,23 @@ fn alike(state: &State, a: &Fault, b: &Fault) -> bool {
     })
 }
 
+/// `true` if a fault has a reading multiplied by so much that what sensors usually differ by covers all others: twice the
+/// factor explains as much then. A channel that is truly in another unit fits no other factor.
+fn swamps(bench: &Bench, state: &State, hypothesis: &Hypothesis, motion: &[Motion]) -> bool {
+    let (Fault::Factor { channel, factor } | Fault::Gain { channel, factor }) = hypothesis.fault
+    else {
+        return false;
+    };
+    let left = |factor: f64| {
+        let fault = Fault::Gain { channel, factor };
+        Some(mended(bench, state, &fault, 1.0, motion)?.chi2)
+    };
+    factor < MULTIPLIED
+        && left(0.5 * factor)
+            .zip(left(factor))
+            .is_some_and(|(twice, once)| twice < once + TIE)
+}
+
 /// All hypotheses, best first at the usual tolerance, each at its best.
 fn first(
     bench: &Bench,
@@ -190,6 +209,7 @@ fn first(
     let mut hypotheses = fixed(state, quiet, bench.weighed.is_some());
     let motion = bench.motion(state, 1.0)?;
     hypotheses.extend(fitted(bench, state, quiet, 1.0, &motion));
+    hypotheses.retain(|h| !swamps(bench, state, h, &motion));
     let silent = |channel: usize| {
         let factor = SILENCE;
         Some(mended(bench, state, &Fault::Gain { channel, factor }, 1.0, &motion)?.chi2)

@@ -328,6 +328,92 @@ fn a_late_channel() {
     assert_eq!((fault, found.named.len()), (&expected, 1));
 }
 
+/// Filters of two modules differ by a fraction of a sample: 0.3 of 0.25 rad at the highest line.
+#[test]
+fn load_cells_that_are_late_by_a_fraction_of_a_sample() {
+    let mut l = laboratory(1, 0.003, 1.0);
+    for (frequency, readings) in &mut l.lines {
+        let (sin, cos) = libm::sincos(-0.3 * 0.25 * *frequency);
+        for i in 18..30 {
+            readings.row_mut(i).apply(|z| *z *= Complex::new(cos, sin));
+        }
+    }
+    let found = l.search();
+    let expected = Fault::Delayed {
+        channels: (18..30).collect(),
+        samples: 0.3,
+    };
+    let [named] = found.named.as_slice() else {
+        panic!("{:?}", found.named);
+    };
+    let Fault::Delayed { channels, samples } = &named[0].fault else {
+        panic!("{named:?}");
+    };
+    // Noise of 0.3 % is 0.003 rad a line, and twelve channels of twelve lines in six runs average it.
+    assert!((samples - 0.3).abs() < 0.011, "{samples}");
+    assert_eq!(*channels, expected.channels());
+}
+
+/// Positions of one kind of sensors that were measured from another point: one sensor's position is known to 3 mm, as
+/// in the test above, and there are four places or three.
+#[test]
+fn all_load_cells_or_the_whole_interface_elsewhere() {
+    let shift = Vector3::new(0.03, 0.0, -0.05);
+    for channels in [18..30, 0..9] {
+        let channels: Vec<usize> = channels.collect();
+        let mut l = laboratory(1, 0.003, 1.0);
+        (channels.iter()).for_each(|&i| l.sensors[i].position += shift);
+        let found = l.search();
+        let [named] = found.named.as_slice() else {
+            panic!("{:?}", found.named);
+        };
+        let Fault::Datum {
+            channels: found,
+            shift: back,
+        } = &named[0].fault
+        else {
+            panic!("{named:?}");
+        };
+        assert_eq!(*found, channels);
+        assert!((back + shift).norm() < 3.0 * 0.003, "{back}");
+        assert_eq!(named.len(), 1, "{named:?}");
+    }
+}
+
+/// A gain of all accelerometers on the interface is told by those on the structure: 2 exactly, and a tenth.
+#[test]
+fn a_gain_of_the_whole_interface() {
+    for gain in [2.0, 1.1] {
+        let mut l = laboratory(1, 0.003, 1.0);
+        (0..9).for_each(|i| l.scale(i, gain));
+        let found = l.search();
+        let [named] = found.named.as_slice() else {
+            panic!("{:?}", found.named);
+        };
+        let Fault::Unit { channels, factor } = &named[0].fault else {
+            panic!("{named:?}");
+        };
+        assert_eq!(*channels, (0..9).collect::<Vec<_>>());
+        // Gains differ by 0.3 % each.
+        assert!((factor / gain - 1.0).abs() < 0.005, "{factor}");
+    }
+}
+
+/// Readings that are exchanged in one run only are no fault of a channel; a factor of a thousand would only take the
+/// weight from all others.
+#[test]
+fn no_factor_swamps_what_is_none() {
+    let mut l = laboratory(1, 0.003, 1.0);
+    for (_, readings) in &mut l.lines {
+        readings.swap((20, 4), (23, 4));
+    }
+    let found = l.search();
+    for candidate in found.named.iter().flatten() {
+        let swamped = matches!(candidate.fault, Fault::Factor { factor, .. } if factor < 1.0);
+        assert!(!swamped, "{candidate:?}");
+    }
+}
+
 /// A gain of all load cells is that of the body, but for its sign.
 #[test]
 fn what_all_load_cells_share_is_the_bodys() {

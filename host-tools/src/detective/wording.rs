@@ -171,9 +171,18 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
         Fault::Reversed { .. } => "all load cells, or all accelerometers, have the other sign: the body would have a negative mass. Turn the load cells if they measure the force that the structure exerts on the table".to_owned(),
         Fault::Unit { channels, factor } => {
             let motion = channels.iter().all(|&c| c < setup.accelerometers.len());
-            let (these, others) = match motion {
-                true => ("accelerometers", "load cells"),
-                false => ("load cells", "accelerometers"),
+            let (these, others, witness) = match motion {
+                true if channels.len() < setup.accelerometers.len() => (
+                    "accelerometers on the interface",
+                    "those on the structure",
+                    "",
+                ),
+                true => ("accelerometers", "load cells", ", by the weighed mass"),
+                false => ("load cells", "accelerometers", ", by the weighed mass"),
+            };
+            let others = match witness {
+                "" => others.to_owned(),
+                _ => format!("all {others}"),
             };
             let factor_in = |c: &usize| {
                 let entry = entry(setup, *c)?;
@@ -182,7 +191,7 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
             let units: Vec<Option<&str>> = channels.iter().map(factor_in).collect();
             match units.first() {
                 Some(Some(unit)) if units.iter().all(|u| *u == Some(unit)) => {
-                    format!("all {these} are in {unit}, by the weighed mass")
+                    format!("all {these} are in {unit}{witness}")
                 }
                 _ => {
                     let [much, little] = match *factor > 1.0 {
@@ -190,11 +199,22 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
                         false => ["little", "much"],
                     };
                     format!(
-                        "all {these} read {} times too {much}, or all {others} too {little}, by the weighed mass",
-                        plain(factor.max(1.0 / factor), 6)
+                        "all {these} read {} times too {much}, or {others} too {little}{witness}",
+                        plain(factor.max(1.0 / factor), 4)
                     )
                 }
             }
+        }
+        Fault::Datum { channels, shift } => {
+            let motion = channels.iter().all(|&c| c < setup.accelerometers.len());
+            let (these, others) = match motion {
+                true => ("accelerometers on the interface", "all other sensors"),
+                false => ("load cells", "the accelerometers"),
+            };
+            format!(
+                "all {these} lie elsewhere, beside {others}, by {} m: their positions were measured from another point",
+                vector(&shift.map(|x| (1e4 * x).round() / 1e4))
+            )
         }
         Fault::Unlisted { channel } => format!(
             "{} contradicts all others, in a way that is none of the usual mistakes",
@@ -336,6 +356,12 @@ pub(super) fn repair(setup: &Setup, evidence: &Evidence, fault: &Fault) -> Vec<S
         } => {
             for &channel in place {
                 add(channel, "position", metres(position));
+            }
+        }
+        Fault::Datum { channels, shift } => {
+            for &channel in channels {
+                let position = evidence.sensors[channel].position + shift;
+                add(channel, "position", metres(&position));
             }
         }
         Fault::PlacesExchanged { places: [a, b] } => {

@@ -31,7 +31,7 @@ const ABOVE: f64 = 1.2;
 /// Share of a variance that the guess of the inertia adds, from which it is said: it doubles the error bar.
 const GUESSED: f64 = 0.75;
 /// The same in words.
-const GUESS: &str = "method ml: the base rotates along with its translations, by too little to tell the inertia: the centre of gravity rests on a guess of it (radius of gyration like the distance of the accelerometers from an axis, give or take as much); add runs that rotate";
+const GUESS: &str = "method ml: the base rotates along with its translations, by too little to tell the inertia: mass and centre of gravity rest on a guess of what is not told (radius of gyration like the distance of the accelerometers from an axis, give or take as much; centre of gravity above their middle, give or take twice as much); add runs that rotate";
 /// Scores a record gives, which the larger covariance rests on.
 const SCORES: f64 = 20.0;
 
@@ -207,12 +207,14 @@ pub(crate) fn fit_records(
     found
 }
 
-/// Mass and first moments about a point, where the band's method has all four.
+/// Mass and first moments about a point, where the band's method has a mass; zero for those that it has not.
 fn near(band: &Identification, point: &Vector3<f64>) -> Option<[f64; 4]> {
     let mass = band.mass?.value;
-    let [x, y, z] = band.centre_of_gravity;
-    let c = Vector3::new(x?.value, y?.value, z?.value) - point;
-    Some([mass, mass * c.x, mass * c.y, mass * c.z])
+    let moment = |i: usize| {
+        let centre = band.centre_of_gravity[i].map(|c| c.value - point[i]);
+        mass * centre.unwrap_or(0.0)
+    };
+    Some([mass, moment(0), moment(1), moment(2)])
 }
 
 /// Parameters σ that the band's method observes.

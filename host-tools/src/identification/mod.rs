@@ -397,6 +397,18 @@ impl<'s> Session<'s> {
         Ok(detective::examine(setup, &measurement, &channels)?)
     }
 
+    /// `true` if the sensors contradict each other, so that it is worth to [examine](Self::examine) them; `false`
+    /// where nothing can be said.
+    pub fn is_contradicted(&mut self, progress: OnProgress<'_>) -> bool {
+        let setup = self.setup;
+        let mut found = || {
+            let measurement = self.measurement(&Accelerations::Interface, progress).ok()?;
+            let channels = measure::channels(setup, &measurement, self.limit, progress).ok()?;
+            Some(detective::is_contradicted(setup, &measurement, &channels))
+        };
+        found().unwrap_or(false)
+    }
+
     /// What the examination of the sensors does not see, in words: load cells without an entry in the setup, forces that
     /// change within runs, readings that are not linear, and forces or accelerations that are coupled to alternating
     /// current. None where the data allow no answer.

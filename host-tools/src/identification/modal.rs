@@ -2,6 +2,7 @@
 //! and the free structure's, both with their shapes at the accelerometers.
 
 use super::{Answer, AnswerError, Choice, OnProgress, Session, Wanted, condense};
+use crate::format::plain;
 use crate::measure::{Accelerations, Measurement, Survey};
 use crate::parallel;
 use crate::setup::{BLOCK_LENGTHS, Setup};
@@ -428,7 +429,8 @@ fn warn_of_resolution(
             format!("no `block_length` up to {longest} would do, if it is a mode and no hum")
         };
         warnings.push(format!(
-            "lines {spacing} Hz apart are too coarse for the damping of the mode at {:.2} Hz: its effective mass and damping are bent by leakage; {would_do}",
+            "lines {} Hz apart are too coarse for the damping of the mode at {:.2} Hz: its effective mass and damping are bent by leakage; {would_do}",
+            plain(spacing, 4),
             pole.frequency
         ));
     }

@@ -59,6 +59,7 @@ impl Refusal {
 pub(crate) fn refusal(judged: &Judged<'_>) -> Option<Refusal> {
     let i = judged.identification;
     negative_mass(i)
+        .or_else(|| no_mass(judged))
         .or_else(|| contradiction(judged))
         .or_else(|| impossible(i))
         .or_else(|| weighed(judged))
@@ -99,6 +100,22 @@ fn negative_mass(i: &Identification) -> Option<Refusal> {
         ),
         "forces and accelerations have opposite signs; check `direction` of the load cells, which is positive where the force acts on the structure, and of the accelerometers",
     ))
+}
+
+/// A mass that may as well be zero.
+fn no_mass(judged: &Judged<'_>) -> Option<Refusal> {
+    let i = judged.identification;
+    let mass = mass(i)?;
+    let none = mass.value <= mass.interval(i.freedom);
+    none.then(|| {
+        Refusal::new(
+            format!(
+                "the mass in the data, {} kg, is not told from zero",
+                with_interval(&mass, i.freedom)
+            ),
+            "shake harder along an axis, record longer, or look for a wrong sensor with `massline check`",
+        )
+    })
 }
 
 fn contradiction(judged: &Judged<'_>) -> Option<Refusal> {

@@ -335,7 +335,7 @@ fn names(mut file: BufReader<File>, part: &Path) -> Result<Option<About>, Recove
     Ok(Some(About::of_names(names)))
 }
 
-/// Writes the rows of whole lines. A line that cannot be read is a row that is lost.
+/// Writes the rows of whole lines. A line that cannot be read is a row that is lost, or several by its length.
 fn lines(mut file: BufReader<File>, out: &mut Growing<'_, '_>) -> io::Result<()> {
     let length = file.get_ref().metadata()?.len();
     let whole = whole_lines(&mut file)?;
@@ -345,21 +345,55 @@ fn lines(mut file: BufReader<File>, out: &mut Growing<'_, '_>) -> io::Result<()>
     let width = out.recovered.channels.len();
     let mut row = Vec::with_capacity(width);
     let mut is_header = true;
+    let (mut whole_rows, mut damaged) = (Length::default(), Length::default());
     while reader.read_byte_record(&mut record)? {
         if std::mem::take(&mut is_header) {
             continue;
         }
         row.clear();
+        let at = record.position().map_or(0, csv::Position::byte);
+        let bytes = reader.position().byte().saturating_sub(at);
         match parsed(&record, width, &mut row) {
-            Some(health) => out.row(&row, health)?,
+            Some(health) => {
+                out.lose(std::mem::take(&mut damaged).rows_of(&whole_rows))?;
+                whole_rows.add(&record, bytes);
+                out.row(&row, health)?;
+            }
             None => {
-                let at = record.position().map_or(0, csv::Position::byte);
-                out.damage(at, reader.position().byte().saturating_sub(at));
-                out.lose(1)?;
+                damaged.add(&record, bytes);
+                out.damage(at, bytes);
             }
         }
     }
-    Ok(())
+    out.lose(damaged.rows_of(&whole_rows))
+}
+
+/// Lines and their bytes.
+#[derive(Default)]
+struct Length {
+    lines: u64,
+    bytes: u64,
+    /// Bytes that no line of numbers has.
+    foreign: u64,
+}
+
+impl Length {
+    fn add(&mut self, record: &csv::ByteRecord, bytes: u64) {
+        let foreign = |byte: &&u8| !(byte.is_ascii_graphic() || byte.is_ascii_whitespace());
+        self.lines += 1;
+        self.bytes += bytes;
+        self.foreign += record.as_slice().iter().filter(foreign).count() as u64;
+    }
+
+    /// Rows that these lines were: where damage took more than a row of the mean length of others, and ends of lines
+    /// with it, as many as their bytes are.
+    fn rows_of(&self, others: &Self) -> u64 {
+        if others.lines == 0 || self.foreign * others.lines <= others.bytes {
+            return self.lines;
+        }
+        let mean = others.bytes as f64 / others.lines as f64;
+        (self.bytes as f64 / mean).round() as u64
+    }
 }
 
 /// The faults of a line, and its readings; `None` if it is none.

@@ -4,7 +4,7 @@ use super::descent::{self, Descent, Freedom, Problem, System};
 use super::excited::Excited;
 use super::guess::Body;
 use super::leakage::leakage_terms;
-use super::model::{Model, RIGID};
+use super::model::{Model, OVERDAMPED, RIGID};
 use super::normal::Detail;
 use super::record::{Record, highest, real_equations};
 use super::start::{self, RATIO};
@@ -66,8 +66,8 @@ pub struct Options {
     pub threads: usize,
     /// Parameters σ that the test tells; all if `None`. The others are left out.
     pub rigid: Option<[bool; RIGID]>,
-    /// Mass (kg) and first moments about the reference point (kg m) by another method, from which inertia that the test
-    /// does not tell is guessed while modes are sought, where the base rotates.
+    /// Mass (kg) and those first moments about the reference point (kg m) that the test tells, by another method, from which
+    /// the rest of the body is guessed while modes are sought, where the base rotates.
     pub near: Option<[f64; 4]>,
 }
 
@@ -121,6 +121,8 @@ pub enum Doubt {
     LowLines(f64),
     /// The base moves along directions that were taken to be at rest.
     Wandering(f64),
+    /// A mode within the lines is no resonance: its frequency in Hz and damping.
+    Overdamped([f64; 2]),
 }
 
 impl std::fmt::Display for Doubt {
@@ -134,6 +136,12 @@ impl std::fmt::Display for Doubt {
             Self::LowLines(d) => write!(
                 f,
                 "a fit of the low lines alone gives another body (squared distance {d:.0}, limit {DISAGREEMENT})"
+            ),
+            Self::Overdamped([frequency, damping]) => write!(
+                f,
+                "a mode at {frequency:.1} Hz, damped by {:.0} %, is no resonance (limit {:.0} %): look for a delay between forces and accelerations with `massline check`",
+                100.0 * damping,
+                100.0 * OVERDAMPED
             ),
             Self::Wandering(z) => write!(
                 f,
@@ -162,6 +170,10 @@ impl Fit {
         }
         if self.wandering > WANDERING {
             return Some(Doubt::Wandering(self.wandering));
+        }
+        let mut modes = self.model.modes.iter();
+        if let Some(mode) = modes.find(|mode| mode.is_overdamped(self.band[1])) {
+            return Some(Doubt::Overdamped([mode.frequency(), mode.damping()]));
         }
         let far = self.disagreement.filter(|d| *d > DISAGREEMENT);
         far.map(Doubt::LowLines)

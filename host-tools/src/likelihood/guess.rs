@@ -9,6 +9,9 @@ use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, Vector3};
 /// Most steps towards the scale of the guess's deviations, and change at which they end.
 const STEPS: usize = 1000;
 const SETTLED: f64 = 1e-4;
+/// Distance of a centre of gravity that the test does not tell from the middle of the accelerometers, over theirs from an
+/// axis: a standard deviation.
+const HIGH: f64 = 2.0;
 /// Scale from which the guess is widened.
 const WIDER: f64 = 1.1;
 
@@ -30,10 +33,10 @@ impl Body {
         }
     }
 
-    /// The same with a guess of the inertia among the others, from mass and centre of gravity of a model and the
-    /// `noise` of base accelerations.
+    /// The same with a guess of the others among first moments and inertia, from what a model tells of mass and centre of
+    /// gravity and the `noise` of base accelerations.
     pub(super) fn guessed(told: [bool; RIGID], model: &Model, noise: &Matrix6<f64>) -> Self {
-        let likely = likely_inertia(model, told, noise);
+        let likely = likely_body(model, told, noise);
         let free = core::array::from_fn(|i| told[i] || likely[i].is_some());
         Self { free, likely }
     }
@@ -100,12 +103,12 @@ impl Body {
     }
 }
 
-/// Mean and standard deviation of the inertia that the test does not tell, from mass, centre of gravity, and
-/// the `noise` of base accelerations: that of a body whose radius of gyration about its centre is the distance of
-/// the accelerometers on its base from an axis or that of the centre from their middle, whichever is longer, give
-/// or take all of it. Left out, it would stand for zero, and the least rotation of the base would bend the centre
-/// of gravity by more than its error bars say.
-fn likely_inertia(
+/// Mean and standard deviation of first moments and inertia that the test does not tell, from mass, centre of gravity, and
+/// the `noise` of base accelerations: those of a body above the middle of the accelerometers on its base, give or take
+/// [`HIGH`] times their distance from an axis, whose radius of gyration about its centre is that distance or that of the
+/// centre from their middle, whichever is longer, give or take all of it. Left out, they would stand for zero, and the
+/// least rotation of the base would bend mass and centre of gravity by more than their error bars say.
+fn likely_body(
     model: &Model,
     told: [bool; RIGID],
     noise: &Matrix6<f64>,
@@ -115,8 +118,16 @@ fn likely_inertia(
     if mass.is_nan() || mass <= 0.0 {
         return likely;
     }
-    let c = Vector3::new(model.rigid[1], model.rigid[2], model.rigid[3]) / mass;
     let (middle, wide) = accelerometer_places(noise);
+    let c = Vector3::from_fn(|i, _| match told[1 + i] {
+        true => model.rigid[1 + i] / mass,
+        false => middle[i],
+    });
+    for i in 0..3 {
+        if !told[1 + i] && wide > 0.0 {
+            likely[1 + i] = Some([mass * middle[i], mass * HIGH * wide.sqrt()]);
+        }
+    }
     let own = wide.max((c - middle).norm_squared());
     let about_a = c.norm_squared();
     let terms = [
@@ -156,7 +167,8 @@ mod tests {
                 noise[(j, i)] = noise[(i, j)];
                 noise[(i, i)] += shift * shift * 1e-3;
             }
-            let likely = likely_inertia(&model, [false; RIGID], &noise);
+            let told = core::array::from_fn(|i| i < 4);
+            let likely = likely_body(&model, told, &noise);
             likely[6].unwrap()
         };
         // The sensors lie 0.1 m² from an axis.

@@ -212,7 +212,10 @@ impl<'a> Search<'a> {
             let tried = tried.filter_map(|mode| {
                 let mut tried = found.model.clone();
                 tried.push(mode);
-                settled(problem, *freedom, &tried)
+                let settled = settled(problem, *freedom, &tried)?;
+                // What is no resonance takes up delays, and rotations that the model lacks.
+                let overdamped = |mode: &FittedMode| mode.is_overdamped(self.unit);
+                (!settled.model.modes.iter().any(overdamped)).then_some(settled)
             });
             let best = tried.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
             let better = best.filter(|b| 2.0 * (found.misfit - b.misfit) - own > least);

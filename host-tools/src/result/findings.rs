@@ -46,6 +46,7 @@ impl Fault {
             Self::Delayed { .. } => "delayed",
             Self::Reversed { .. } => "all-reversed",
             Self::Unit { .. } => "unit-of-all",
+            Self::Datum { .. } => "datum",
             Self::Unlisted { .. } => "unlisted",
         }
     }

@@ -4,8 +4,8 @@ use super::header::Header;
 
 /// Units of length and force by the code of dataset 164: SI, foot and pound-force, metre and
 /// kilogram-force, foot and poundal, millimetre and millinewton, centimetre and centinewton, inch
-/// and pound-force, millimetre and kilogram-force.
-const SYSTEMS: [(&str, &str); 8] = [
+/// and pound-force, millimetre and kilogram-force, a user's own (by its factors), millimetre and newton.
+const SYSTEMS: [(&str, &str); 10] = [
     ("m", "N"),
     ("ft", "lbf"),
     ("m", "kgf"),
@@ -14,7 +14,11 @@ const SYSTEMS: [(&str, &str); 8] = [
     ("cm", "cN"),
     ("in", "lbf"),
     ("mm", "kgf"),
+    ("", ""),
+    ("mm", "N"),
 ];
+/// Code of a user's own units.
+const OWN: usize = 9;
 
 /// Units of length and of force.
 pub(super) type System = (&'static str, &'static str);
@@ -39,8 +43,11 @@ const FORCES: [(&str, f64); 6] = [
 /// Units of a dataset 164 by its lines: the code, and for code 9 the factors from SI on the next
 /// line. `None` where they are none of those above.
 pub(super) fn system(lines: &[String]) -> Option<System> {
-    let code: usize = lines.first()?.split_whitespace().next()?.parse().ok()?;
-    if code != 9 {
+    // FORMAT(I10,20A1,I10): the description may follow the code without a space.
+    let line = lines.first()?.trim_start();
+    let digits = line.find(|c: char| !c.is_ascii_digit());
+    let code: usize = line[..digits.unwrap_or(line.len())].parse().ok()?;
+    if code != OWN {
         return SYSTEMS.get(code.checked_sub(1)?).copied();
     }
     let line = lines.get(1)?.replace(['d', 'D'], "e");
@@ -83,9 +90,14 @@ mod tests {
     fn units_by_code_and_by_factors() {
         let system =
             |lines: &[&str]| system(&lines.iter().map(|l| (*l).to_owned()).collect::<Vec<_>>());
-        assert_eq!(system(&["         1SI", "  1.0D+00"]), None);
+        // The example of the format's description.
+        let example = "         2Foot (pound f)               2";
+        assert_eq!(system(&[example]), Some(("ft", "lbf")));
+        assert_eq!(system(&["SI: Meter (newton)"]), None);
         assert_eq!(system(&["         1  SI"]), Some(("m", "N")));
         assert_eq!(system(&["         5  mm"]), Some(("mm", "mN")));
+        assert_eq!(system(&["        10  MN"]), Some(("mm", "N")));
+        assert_eq!(system(&["        11  ?"]), None);
         let own = "  3.93700787401575D+01  2.24808943099710D-01  1.8D+00";
         assert_eq!(system(&["         9  user", own]), Some(("in", "lbf")));
         assert_eq!(system(&["         9  user", "  2.0D+00  1.0D+00"]), None);

@@ -275,6 +275,9 @@ fn mend(all: &mut [State], fault: &Fault) {
         } => all[*channel].leaks[*from] -= share,
         Fault::Reversed { channels } => channels.iter().for_each(|&c| all[c].axis *= -1.0),
         Fault::Unit { channels, factor } => channels.iter().for_each(|&c| all[c].axis /= *factor),
+        Fault::Datum { channels, shift } => {
+            channels.iter().for_each(|&c| all[c].position += shift);
+        }
         // Nothing is mended by it.
         Fault::Unlisted { channel } => all[*channel].late = 1e9,
     }

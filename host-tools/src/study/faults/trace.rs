@@ -106,6 +106,12 @@ fn mend(setup: &mut Setup, fault: &Fault) {
         } => place
             .iter()
             .for_each(|&c| *position_of(setup, c).0 = (*position).into()),
+        Fault::Datum { channels, shift } => {
+            for &c in channels {
+                let position = position_of(setup, c).0;
+                *position = (Vector3::from(*position) + shift).into();
+            }
+        }
         Fault::PlacesExchanged { places: [a, b] } => {
             let (here, there) = (*position_of(setup, a[0]).0, *position_of(setup, b[0]).0);
             a.iter().for_each(|&c| *position_of(setup, c).0 = there);
