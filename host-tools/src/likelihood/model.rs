@@ -18,9 +18,8 @@ pub(super) const OF_MODE: usize = 9;
 /// Terms of a symmetric 6 x 6 matrix.
 pub(super) const SYMMETRIC: usize = 21;
 
-/// Share of critical damping above which a mode is no resonance: at its frequency it answers with less than its static
-/// deflection.
-pub(super) const OVERDAMPED: f64 = 0.5;
+/// Share of critical damping from which a mode does not ring.
+pub(super) const OVERDAMPED: f64 = 1.0;
 
 /// A mode of the structure on the fixed interface.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +52,7 @@ impl FittedMode {
         self.ln_frequency.exp()
     }
 
-    /// `true` if it is no resonance: it is damped by more than half of what is critical, and not beyond `highest`, Hz, from where
+    /// `true` if it is no resonance: it is damped by more than what is critical, and not beyond `highest`, Hz, from where
     /// on lines tell little of damping.
     #[must_use]
     pub fn is_overdamped(&self, highest: f64) -> bool {
