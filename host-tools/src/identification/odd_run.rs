@@ -4,11 +4,12 @@
 //! without it fit one structure. Modes that all are the same multiple of the others' tell a wrong sample rate.
 
 use super::Refusal;
-use crate::likelihood::{self, Doubt, Options, Record};
+use crate::likelihood::{self, Options, Record};
 use crate::setup::Setup;
 
-/// Least number of runs of which one can be odd: two more have to agree.
-const LEAST: usize = 3;
+/// Least number of runs of which one can be odd: of three, the two others may have their modes in common by chance, since
+/// a run shows those that it excites.
+const LEAST: usize = 4;
 /// Relative difference up to which two natural frequencies are of one mode: twice that of a resonance that the study
 /// moves in one run.
 const SAME: f64 = 0.01;
@@ -63,9 +64,7 @@ impl OddRun {
             })
             .find_map(|(run, modes, agreed)| {
                 let rest = fitted(of_runs(records, |r| r != *run))?;
-                // Without its drive an axis may hardly move.
-                let fits = matches!(rest.doubt(), None | Some(Doubt::Wandering(_)));
-                fits.then(|| Self {
+                rest.doubt().is_none().then(|| Self {
                     run: *run,
                     modes: modes.clone(),
                     factor: factor(modes, &agreed),

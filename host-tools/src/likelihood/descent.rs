@@ -18,6 +18,9 @@ const EXPONENT: [f64; 2] = [1.0, 1.0];
 /// Largest steps of ln ω, ln ζ and the exponent.
 const CLIP: [f64; 3] = [0.05, 0.7, 0.5];
 
+/// Standard deviations over which the observed information is a difference.
+const DIFFERENCE: f64 = 0.1;
+
 /// Parameters that may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Freedom {
@@ -140,6 +143,35 @@ impl<'a> Problem<'a> {
     pub(super) fn system(&self, model: &Model, freedom: Freedom, detail: Detail) -> Option<System> {
         let (_, leaked) = self.misfit(model, freedom)?;
         self.system_at(model, freedom, detail, &leaked)
+    }
+
+    /// Observed information: the fall of the score along each free parameter, by central differences over a tenth of its
+    /// standard deviation by `inverse`, the expected information's. Along directions whose motion is near its noise, the
+    /// expected one has the noise's power as well, which tells nothing.
+    pub(super) fn observed(
+        &self,
+        model: &Model,
+        freedom: Freedom,
+        inverse: &DMatrix<f64>,
+    ) -> Option<DMatrix<f64>> {
+        let places = freedom.places(model);
+        let mut information = DMatrix::zeros(places.len(), places.len());
+        let mut step = vec![0.0; model.parameters()];
+        for (j, &place) in places.iter().enumerate() {
+            let width = DIFFERENCE * (0.5 * inverse[(j, j)]).sqrt();
+            let mut score = |to: f64| {
+                let mut moved = model.clone();
+                step[place] = to;
+                moved.step(&step);
+                step[place] = 0.0;
+                Some(self.system(&moved, freedom, Detail::Step)?.score)
+            };
+            let fall = (score(-width)? - score(width)?) / (2.0 * width);
+            for (i, &row) in places.iter().enumerate() {
+                information[(i, j)] = fall[row];
+            }
+        }
+        Some((&information + information.transpose()) * 0.5)
     }
 
     /// The same where V and leakage are known.

@@ -45,6 +45,16 @@ pub(super) struct Excited {
 impl Excited {
     /// Of all records together; `None` where nothing moves.
     pub(super) fn of(records: &[Record]) -> Option<Self> {
+        Self::above(EXCITED, records)
+    }
+
+    /// All directions that accelerometers see.
+    pub(super) fn seen(records: &[Record]) -> Option<Self> {
+        Self::above(f64::NEG_INFINITY, records)
+    }
+
+    /// Directions whose power is above so many times their noise.
+    fn above(least: f64, records: &[Record]) -> Option<Self> {
         let (mut power, mut noise) = (Matrix6::zeros(), Matrix6::zeros());
         let mut lines = 0.0;
         for record in records {
@@ -96,7 +106,7 @@ impl Excited {
         let whitened = &white * DMatrix::from_fn(6, 6, |i, j| power[(i, j)]) * white.transpose();
         let moving = whitened.symmetric_eigen();
         let excited: Vec<usize> = (0..seen.len())
-            .filter(|&i| moving.eigenvalues[i] > EXCITED)
+            .filter(|&i| moving.eigenvalues[i] > least)
             .collect();
         if excited.is_empty() {
             return None;

@@ -29,12 +29,11 @@ const LOW: f64 = 0.35;
 pub const DISAGREEMENT: f64 = 30.0;
 
 /// Deviation from chance, in standard deviations, from which the base moves along directions that were taken to be at
-/// rest: by chance one of five looks at a test exceeds it once in 150 tests, which
-/// then has fewer lines. With 2 it would be one of ten, whose errors are three times as large.
+/// rest, which take part in the fit then: by chance one of five looks at a test exceeds it once in 150 tests.
 pub const WANDERING: f64 = 3.0;
 
 /// Reason why there is no fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// Nothing moves more than its noise.
     #[error("no direction of base acceleration rises above the accelerometers' noise")]
@@ -55,6 +54,14 @@ pub enum FitError {
         "the fit of the first model fails: numbers of the records are not finite or their noise is zero"
     )]
     Singular,
+    /// Motion near its noise, of which the lines do not tell what it does.
+    #[error(
+        "the base moves along axes that hardly rise above the accelerometers' noise, and otherwise at each frequency ({deviations:.0} standard deviations of chance, limit {WANDERING}): drive them, too"
+    )]
+    Wandering {
+        /// Deviation from chance, standard deviations.
+        deviations: f64,
+    },
 }
 
 /// Options of a fit.
@@ -100,8 +107,8 @@ pub struct Fit {
     pub disagreement: Option<f64>,
     /// Number of directions of base acceleration that rise above their noise.
     pub excited: usize,
-    /// Largest deviation from chance, in standard deviations, of the base's motion along other directions.
-    pub wandering: f64,
+    /// `true` if the base moves along directions near its noise, and otherwise at each frequency, so that all are in the fit.
+    pub wanders: bool,
     /// |ε|² over its expectation of each record, in stretches of frequency from low to high.
     pub residuals: Vec<Vec<f64>>,
     /// First and last line, Hz.
@@ -119,8 +126,6 @@ pub enum Doubt {
     Residuals(f64),
     /// Low and all lines disagree.
     LowLines(f64),
-    /// The base moves along directions that were taken to be at rest.
-    Wandering(f64),
     /// A mode within the lines is no resonance: its frequency in Hz and damping.
     Overdamped([f64; 2]),
 }
@@ -143,10 +148,6 @@ impl std::fmt::Display for Doubt {
                 100.0 * damping,
                 100.0 * OVERDAMPED
             ),
-            Self::Wandering(z) => write!(
-                f,
-                "the base moves along axes that hardly rise above the accelerometers' noise, and otherwise at each frequency ({z:.0} standard deviations of chance, limit {WANDERING}): drive them, too"
-            ),
         }
     }
 }
@@ -167,9 +168,6 @@ impl Fit {
         let ratio = self.ratio();
         if ratio > RATIO {
             return Some(Doubt::Residuals(ratio));
-        }
-        if self.wandering > WANDERING {
-            return Some(Doubt::Wandering(self.wandering));
         }
         let mut modes = self.model.modes.iter();
         if let Some(mode) = modes.find(|mode| mode.is_overdamped(self.band[1])) {
@@ -193,8 +191,13 @@ pub fn fit(
     let equations = enough(records)?;
     let mut excited = Excited::of(records).ok_or(FitError::NoExcitation)?;
     excited.steady();
+    // What the base moves along directions near its noise, and otherwise at each frequency, is motion and no noise to take off.
+    let wandering = Some(excited.wandering(records)).filter(|z| *z > WANDERING);
+    if wandering.is_some() {
+        excited = Excited::seen(records).ok_or(FitError::NoExcitation)?;
+    }
     let base = Base {
-        wandering: excited.wandering(records),
+        wandering,
         noise: records.iter().map(|r| r.noise.base).sum::<Matrix6<f64>>() / records.len() as f64,
         excited,
     };
@@ -210,7 +213,7 @@ pub fn fit(
     let system = problem
         .system(model, fitted.freedom, Detail::Test)
         .ok_or(FitError::Singular)?;
-    let spread = Spread::of(&fitted, &problem, &system, told, &base.excited)?;
+    let spread = Spread::of(&fitted, &problem, &system, told, &base)?;
     let leaked: usize = records.iter().map(|r| leakage_terms(r, model)).sum();
     let free = (spread.places.len() + leaked) as f64;
     let expected = |r: &Record| r.equation_count() as f64;
@@ -233,7 +236,7 @@ pub fn fit(
         // Low lines are fitted beside the inertia that all lines have: what its guess leaves open is no difference.
         disagreement: low_lines(records, model, &spread.beside, told, threads),
         excited: base.excited.power.len(),
-        wandering: base.wandering,
+        wanders: base.wandering.is_some(),
         residuals,
         band: [
             first.copied().fold(f64::INFINITY, f64::min),
@@ -269,8 +272,9 @@ fn enough(records: &[Record]) -> Result<usize, FitError> {
 struct Base {
     /// The directions in which it does.
     excited: Excited,
-    /// Largest deviation from chance of its motion along others, in standard deviations.
-    wandering: f64,
+    /// Deviation from chance, in standard deviations, of its motion along directions near its noise, where that is large,
+    /// so that these are all.
+    wandering: Option<f64>,
     /// Covariance of the noise of its accelerations, the mean of all records.
     noise: Matrix6<f64>,
 }
@@ -418,8 +422,9 @@ impl Spread {
         problem: &Problem<'_>,
         system: &System,
         rigid: [bool; RIGID],
-        excited: &Excited,
+        base: &Base,
     ) -> Result<Self, FitError> {
+        let excited = &base.excited;
         let (model, freedom) = (&fitted.done.model, fitted.freedom);
         let places = freedom.places(model);
         let freedom_told = Freedom { rigid, ..freedom };
@@ -431,8 +436,19 @@ impl Spread {
         let inverse = inverse_of(&places)?;
         let inverse = blended(&inverse, &places, &beside, &told, excited.believed);
         // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
-        let by_information = corner(&inverse, &places) * 0.5;
         let beside = corner(&beside, &told) * 0.5;
+        let (inverse, informed) = if let Some(deviations) = base.wandering {
+            let observed = problem.observed(model, freedom, &inverse);
+            let observed = observed.and_then(|m| descent::inverse(&m, &all(m.nrows())));
+            let observed = observed.ok_or(FitError::Wandering { deviations })?;
+            // Variance of the score between two inverses of its slope.
+            let expected = of_places(&system.information, &places);
+            let sandwich = &observed * expected * &observed;
+            (observed, sandwich)
+        } else {
+            (inverse.clone(), inverse)
+        };
+        let by_information = corner(&informed, &places) * 0.5;
         let guess_share = (told.iter().filter(|&&i| i < RIGID))
             .map(|&i| 1.0 - beside[(i, i)] / by_information[(i, i)])
             .fold(0.0, f64::max);
@@ -529,6 +545,18 @@ fn blended(
         }
     }
     sum
+}
+
+/// All places of a matrix of this size.
+fn all(size: usize) -> Vec<usize> {
+    (0..size).collect()
+}
+
+/// Rows and columns of these places.
+fn of_places(matrix: &DMatrix<f64>, places: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(places.len(), places.len(), |i, j| {
+        matrix[(places[i], places[j])]
+    })
 }
 
 /// Covariance of σ from that of the free parameters; zero for those that are left out.
