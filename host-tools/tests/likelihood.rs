@@ -253,17 +253,15 @@ fn faults_that_all_sensors_share_are_refused() {
     };
     // Only load cells lie there.
     let datum = |text: &str| text.replace(", -0.05]", ", 0.05]");
-    let changes: [(&dyn Fn(&str) -> String, &str); 2] = [
-        (&gain, "all accelerometers on the interface read 1.1 times"),
-        (&datum, "all load cells lie elsewhere"),
-    ];
-    for (change, words) in changes {
+    let refused = |change: &dyn Fn(&str) -> String, words: &str| {
         let finished = Bench::satellite_for(20.0)
             .edit("setup.toml", change)
             .recommended(&["--json"]);
         assert_eq!(finished.code, Some(1), "{}", finished.stderr);
         finished.says(words);
-    }
+    };
+    refused(&gain, "all accelerometers on the interface read 1.1 times");
+    refused(&datum, "all load cells lie elsewhere");
 }
 
 /// A bar that is shaken along x and nods by 2 % of it, more towards the table's resonance: forces along x tell m x'' + m z θ''

@@ -220,6 +220,24 @@ fn a_weighed_mass_that_is_off_by_a_scale_is_noted_with_both_numbers() {
     assert!(!right.run(&[]).stderr.contains("the data say"));
 }
 
+/// Of a mass that is 3 % too large the centre of gravity is as wrong as it is far from A, or the gains of all sensors are:
+/// its interval holds either.
+#[test]
+fn a_weighed_mass_that_is_noted_widens_what_rests_on_it() {
+    let setup = Setup::satellite("wider", |t| known_mass(t, 824.0));
+    let result = setup.document(&[], 0);
+    let z = &result["centre_of_gravity"][2];
+    let off = number(&z["value"]) - 0.940_25;
+    assert!(off.abs() > 10.0 * number(&z["interval"]), "{z}");
+    assert!(off.abs() < number(&z["combined"]["interval"]), "{z}");
+    assert!(number(&z["combined"]["interval"]) < 2.0 * off.abs(), "{z}");
+    let delta = &result["indicator"];
+    assert!(
+        number(&delta["combined"]["interval"]) < 1.1 * number(&delta["interval"]),
+        "{delta}"
+    );
+}
+
 #[test]
 fn all_methods_side_by_side_refuse_each_for_itself() {
     let setup = Setup::satellite("all", |t| reversed(t, is("cell1.z")));

@@ -24,7 +24,7 @@ const MISFIT: f64 = 0.1;
 const IMPOSSIBLE: f64 = 2.0;
 
 /// Half widths of its 95 % interval by which Δ may differ from one without a word.
-const NOTED: f64 = 2.0;
+pub(super) const NOTED: f64 = 2.0;
 
 /// Half widths by which Δ must differ from one for a refusal.
 const WEIGHED: f64 = 5.0;

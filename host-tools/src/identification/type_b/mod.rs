@@ -33,7 +33,7 @@ use massline_core::geometry::RESULTANTS;
 use massline_core::identify::{Covariance, Estimate, Identification, Procedure};
 use massline_core::masslines::Method;
 use nalgebra::DVector;
-use sources::{Error, Source, of_gains, sources, usual};
+use sources::{Error, Source, of_gains, of_weighed, sources, usual};
 
 /// Numbers of an identification: mass, Δ, three of the centre of gravity, six of inertia about
 /// A, six about S.
@@ -192,7 +192,8 @@ pub fn estimates(i: &Identification) -> [Option<Estimate>; NUMBERS] {
 
 impl Session<'_> {
     /// Type B uncertainty of an answer; `None` where the setup and the certificates state
-    /// nothing, no gains change within a run, no force is distorted, and noise explains what a rigid body leaves.
+    /// nothing, no gains change within a run, no force is distorted, the data say the weighed mass, and noise explains what a
+    /// rigid body leaves.
     ///
     /// # Errors
     /// [`AnswerError`] if the recordings cannot be read once more.
@@ -207,6 +208,7 @@ impl Session<'_> {
         let mut sources = sources(self.setup, measurement);
         sources.extend(of_gains("forces that change within a run", changing));
         sources.extend(of_gains("distortion of forces", distorted));
+        sources.extend(of_weighed(self.setup, &nominal.identification));
         let told = sources.len();
         let doubtful = |test: &Consistency| test.probability < WARNED;
         let left = nominal.consistency.filter(doubtful);
@@ -327,7 +329,7 @@ impl Chain<'_> {
     fn effect(&self, source: &Source) -> Result<Effect, AnswerError> {
         let added = match &source.error {
             Error::Sensors(changes) => self.added(changes)?,
-            Error::Mass(_) | Error::Forces(_) => Vec::new(),
+            Error::Mass(_) | Error::Weighed(_) | Error::Forces(_) => Vec::new(),
         };
         let mut numbers = [None; NUMBERS];
         let mut residuals = DVector::zeros(0);
@@ -356,6 +358,10 @@ impl Chain<'_> {
         }
         for (number, observable) in numbers.iter_mut().zip(self.observable) {
             *number = number.filter(|x| observable && x.is_finite());
+        }
+        // Δ says how far the masses are apart, and is judged by what it is known to.
+        if let (Error::Weighed(_), Some(delta)) = (&source.error, &mut numbers[number::INDICATOR]) {
+            *delta = 0.0;
         }
         Ok(Effect { numbers, residuals })
     }
@@ -390,7 +396,7 @@ impl Chain<'_> {
                 None => self.measurement.clone(),
             }),
             Error::Forces(gains) => from(self.measurement.with_gains(gains, step)),
-            Error::Mass(by) => {
+            Error::Mass(by) | Error::Weighed(by) => {
                 let known_mass = self.setup.known_mass.map(|mass| mass + by * step);
                 let setup = Setup {
                     known_mass,

@@ -1,8 +1,11 @@
 //! Sources of type B uncertainty: errors of sensors that a setup states, with their sizes.
 
+use crate::identification::refusal::NOTED;
 use crate::measure::{Change, ForceGain, Measurement};
 use crate::setup::{Mount, Setup, Uncertainty};
+use massline_core::identify::Identification;
 use nalgebra::Vector3;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// One independent error.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +23,8 @@ pub(super) enum Error {
     Sensors(Vec<Change>),
     /// The weighed mass, kg.
     Mass(f64),
+    /// The same by as much as the mass in the data is another one, which is no error of that.
+    Weighed(f64),
     /// Gains of forces in single runs.
     Forces(Vec<ForceGain>),
 }
@@ -54,6 +59,18 @@ pub(super) fn sources(setup: &Setup, measurement: &Measurement) -> Vec<Source> {
         });
     }
     sources
+}
+
+/// A weighed mass that the data contradict: either it is wrong, or the gains of all sensors are, and the truth lies at
+/// one of two places. The deviation of one of them from either is the distance over √2, root mean square.
+pub(super) fn of_weighed(setup: &Setup, i: &Identification) -> Option<Source> {
+    let (mass, delta) = (setup.known_mass?, i.indicator?);
+    let apart = (delta.value - 1.0).abs();
+    let stated = 2.0 * setup.known_mass_uncertainty.unwrap_or(0.0) / mass;
+    (apart > NOTED * (delta.interval(i.freedom) + stated)).then(|| Source {
+        name: "the mass on the balance is not that in the data".to_owned(),
+        error: Error::Weighed(apart * mass * FRAC_1_SQRT_2),
+    })
 }
 
 /// Differences that sensors usually have from what is said of them: gain as a share, position in m, direction in
