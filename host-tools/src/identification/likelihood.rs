@@ -31,7 +31,7 @@ const ABOVE: f64 = 1.2;
 /// Share of a variance that the guess of the inertia adds, from which it is said: it doubles the error bar.
 const GUESSED: f64 = 0.75;
 /// The same in words.
-const GUESS: &str = "method ml: the base rotates along with its translations, by too little to tell the inertia: mass and centre of gravity rest on a guess of what is not told (radius of gyration like the distance of the accelerometers from an axis, give or take as much; centre of gravity above their middle, give or take twice as much); add runs that rotate";
+const GUESS: &str = "method ml: the base rotates along with its translations, by too little to tell the inertia: the centre of gravity rests on a guess of it (radius of gyration like the distance of the accelerometers from an axis, give or take as much), and the mass on one of coordinates that are not told (those of their middle, give or take twice as much); add runs that rotate";
 /// Scores a record gives, which the larger covariance rests on.
 const SCORES: f64 = 20.0;
 
@@ -156,6 +156,7 @@ pub(crate) fn fit_records(
         threads,
         rigid: Some(rigid),
         near: near(answer, &(answer.reference + about)),
+        resting: false,
     };
     // Two narrower bands: above the second mode, and above the first.
     for _ in 0..3 {

@@ -4,7 +4,7 @@
 //! without it fit one structure. Modes that all are the same multiple of the others' tell a wrong sample rate.
 
 use super::Refusal;
-use crate::likelihood::{self, Options, Record};
+use crate::likelihood::{self, Doubt, Options, Record};
 use crate::setup::Setup;
 
 /// Least number of runs of which one can be odd: of three, the two others may have their modes in common by chance, since
@@ -45,7 +45,11 @@ impl OddRun {
         if runs.len() < LEAST {
             return None;
         }
-        let mut fitted = |some: Vec<Record>| likelihood::fit(&some, options, progress).ok();
+        let options = Options {
+            resting: true,
+            ..options.clone()
+        };
+        let mut fitted = |some: Vec<Record>| likelihood::fit(&some, &options, progress).ok();
         let own: Vec<Vec<f64>> = runs
             .iter()
             .map(|run| fitted(of_runs(records, |r| r == *run)).map_or_else(Vec::new, modes))
@@ -64,7 +68,9 @@ impl OddRun {
             })
             .find_map(|(run, modes, agreed)| {
                 let rest = fitted(of_runs(records, |r| r != *run))?;
-                rest.doubt().is_none().then(|| Self {
+                // Without its drive an axis may hardly move.
+                let fits = matches!(rest.doubt(), None | Some(Doubt::Wandering(_)));
+                fits.then(|| Self {
                     run: *run,
                     modes: modes.clone(),
                     factor: factor(modes, &agreed),

@@ -33,7 +33,7 @@ pub const DISAGREEMENT: f64 = 30.0;
 pub const WANDERING: f64 = 3.0;
 
 /// Reason why there is no fit.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FitError {
     /// Nothing moves more than its noise.
     #[error("no direction of base acceleration rises above the accelerometers' noise")]
@@ -54,14 +54,6 @@ pub enum FitError {
         "the fit of the first model fails: numbers of the records are not finite or their noise is zero"
     )]
     Singular,
-    /// Motion near its noise, of which the lines do not tell what it does.
-    #[error(
-        "the base moves along axes that hardly rise above the accelerometers' noise, and otherwise at each frequency ({deviations:.0} standard deviations of chance, limit {WANDERING}): drive them, too"
-    )]
-    Wandering {
-        /// Deviation from chance, standard deviations.
-        deviations: f64,
-    },
 }
 
 /// Options of a fit.
@@ -76,6 +68,9 @@ pub struct Options {
     /// Mass (kg) and those first moments about the reference point (kg m) that the test tells, by another method, from which
     /// the rest of the body is guessed while modes are sought, where the base rotates.
     pub near: Option<[f64; 4]>,
+    /// `true` if directions near their noise are taken for rest even where the base moves along them: for modes, which
+    /// the others tell.
+    pub resting: bool,
 }
 
 /// A fit and its tests.
@@ -109,6 +104,8 @@ pub struct Fit {
     pub excited: usize,
     /// `true` if the base moves along directions near its noise, and otherwise at each frequency, so that all are in the fit.
     pub wanders: bool,
+    /// Deviation from chance, in standard deviations, of such motion, where the slope of the score tells no error bars.
+    pub untold: Option<f64>,
     /// |ε|² over its expectation of each record, in stretches of frequency from low to high.
     pub residuals: Vec<Vec<f64>>,
     /// First and last line, Hz.
@@ -126,6 +123,8 @@ pub enum Doubt {
     Residuals(f64),
     /// Low and all lines disagree.
     LowLines(f64),
+    /// The base moves along directions near its noise, and the lines do not tell by how much that bends the numbers.
+    Wandering(f64),
     /// A mode within the lines is no resonance: its frequency in Hz and damping.
     Overdamped([f64; 2]),
 }
@@ -141,6 +140,10 @@ impl std::fmt::Display for Doubt {
             Self::LowLines(d) => write!(
                 f,
                 "a fit of the low lines alone gives another body (squared distance {d:.0}, limit {DISAGREEMENT})"
+            ),
+            Self::Wandering(z) => write!(
+                f,
+                "the base moves along axes that hardly rise above the accelerometers' noise, and otherwise at each frequency ({z:.0} standard deviations of chance, limit {WANDERING}): drive them, too"
             ),
             Self::Overdamped([frequency, damping]) => write!(
                 f,
@@ -169,6 +172,9 @@ impl Fit {
         if ratio > RATIO {
             return Some(Doubt::Residuals(ratio));
         }
+        if let Some(deviations) = self.untold {
+            return Some(Doubt::Wandering(deviations));
+        }
         let mut modes = self.model.modes.iter();
         if let Some(mode) = modes.find(|mode| mode.is_overdamped(self.band[1])) {
             return Some(Doubt::Overdamped([mode.frequency(), mode.damping()]));
@@ -193,11 +199,13 @@ pub fn fit(
     excited.steady();
     // What the base moves along directions near its noise, and otherwise at each frequency, is motion and no noise to take off.
     let wandering = Some(excited.wandering(records)).filter(|z| *z > WANDERING);
-    if wandering.is_some() {
+    let all_directions = wandering.is_some() && !options.resting;
+    if all_directions {
         excited = Excited::seen(records).ok_or(FitError::NoExcitation)?;
     }
     let base = Base {
         wandering,
+        all_directions,
         noise: records.iter().map(|r| r.noise.base).sum::<Matrix6<f64>>() / records.len() as f64,
         excited,
     };
@@ -236,7 +244,8 @@ pub fn fit(
         // Low lines are fitted beside the inertia that all lines have: what its guess leaves open is no difference.
         disagreement: low_lines(records, model, &spread.beside, told, threads),
         excited: base.excited.power.len(),
-        wanders: base.wandering.is_some(),
+        wanders: base.all_directions,
+        untold: spread.untold,
         residuals,
         band: [
             first.copied().fold(f64::INFINITY, f64::min),
@@ -272,9 +281,10 @@ fn enough(records: &[Record]) -> Result<usize, FitError> {
 struct Base {
     /// The directions in which it does.
     excited: Excited,
-    /// Deviation from chance, in standard deviations, of its motion along directions near its noise, where that is large,
-    /// so that these are all.
+    /// Deviation from chance, in standard deviations, of its motion along directions near its noise, where that is large.
     wandering: Option<f64>,
+    /// `true` if these are among the directions.
+    all_directions: bool,
     /// Covariance of the noise of its accelerations, the mean of all records.
     noise: Matrix6<f64>,
 }
@@ -414,6 +424,8 @@ struct Spread {
     covariance: Covariance10,
     /// Largest share of a variance by information that the guess of the inertia adds.
     guess_share: f64,
+    /// Deviation from chance of motion near its noise whose error bars the slope of the score does not tell.
+    untold: Option<f64>,
 }
 
 impl Spread {
@@ -437,16 +449,20 @@ impl Spread {
         let inverse = blended(&inverse, &places, &beside, &told, excited.believed);
         // The information is 2 Σ Re J*J, and the gradient -2 Σ Re J*ε.
         let beside = corner(&beside, &told) * 0.5;
-        let (inverse, informed) = if let Some(deviations) = base.wandering {
-            let observed = problem.observed(model, freedom, &inverse);
-            let observed = observed.and_then(|m| descent::inverse(&m, &all(m.nrows())));
-            let observed = observed.ok_or(FitError::Wandering { deviations })?;
-            // Variance of the score between two inverses of its slope.
-            let expected = of_places(&system.information, &places);
-            let sandwich = &observed * expected * &observed;
-            (observed, sandwich)
-        } else {
-            (inverse.clone(), inverse)
+        let observed = || {
+            let information = problem.observed(model, freedom, &inverse)?;
+            descent::inverse(&information, &all(information.nrows()))
+        };
+        let observed = base.all_directions.then(observed).flatten();
+        let untold = base.wandering.filter(|_| observed.is_none());
+        let (inverse, informed) = match observed {
+            Some(observed) => {
+                // Variance of the score between two inverses of its slope.
+                let expected = of_places(&system.information, &places);
+                let sandwich = &observed * expected * &observed;
+                (observed, sandwich)
+            }
+            None => (inverse.clone(), inverse),
         };
         let by_information = corner(&informed, &places) * 0.5;
         let guess_share = (told.iter().filter(|&&i| i < RIGID))
@@ -481,6 +497,7 @@ impl Spread {
             by_score,
             covariance,
             guess_share,
+            untold,
         })
     }
 

@@ -66,6 +66,7 @@ fn errors(size: f64, body: [f64; RIGID]) -> (f64, f64) {
             threads: 1,
             rigid: Some(told()),
             near: None,
+            resting: false,
         };
         let fit = fit(&records, &options, &mut |_| ()).unwrap();
         let known = bound::bound(&records, &truth, told()).unwrap();
