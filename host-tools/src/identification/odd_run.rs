@@ -63,8 +63,10 @@ impl OddRun {
                     .collect();
                 let agreed = agreed(&others);
                 let shared = |m: &f64| agreed.iter().any(|f| is_near(*m, *f, SAME));
-                let is_odd = !agreed.is_empty() && !modes.is_empty() && !modes.iter().any(shared);
-                is_odd.then_some((run, modes, agreed))
+                // One of its modes may be near theirs by chance.
+                let multiple = || factor(modes, &agreed).is_some_and(|f| (f - 1.0).abs() > SAME);
+                let other = !agreed.is_empty() && !modes.is_empty() && !modes.iter().any(shared);
+                (other || multiple()).then_some((run, modes, agreed))
             })
             .find_map(|(run, modes, agreed)| {
                 let rest = fitted(of_runs(records, |r| r != *run))?;
