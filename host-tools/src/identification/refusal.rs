@@ -59,10 +59,10 @@ impl Refusal {
 pub(crate) fn refusal(judged: &Judged<'_>) -> Option<Refusal> {
     let i = judged.identification;
     negative_mass(i)
-        .or_else(|| no_mass(judged))
         .or_else(|| contradiction(judged))
         .or_else(|| impossible(i))
         .or_else(|| weighed(judged))
+        .or_else(|| no_mass(judged))
 }
 
 /// The reason why no method's numbers must be believed: the recommended one finds no rigid body in the data.
@@ -110,8 +110,9 @@ fn no_mass(judged: &Judged<'_>) -> Option<Refusal> {
     none.then(|| {
         Refusal::new(
             format!(
-                "the mass in the data, {} kg, is not told from zero",
-                with_interval(&mass, i.freedom)
+                "the mass in the data, {} kg, is not told from zero: half of its 95 % interval is {} kg",
+                plain(mass.value, 3),
+                plain(mass.interval(i.freedom), 2)
             ),
             "shake harder along an axis, record longer, or look for a wrong sensor with `massline check`",
         )
