@@ -233,7 +233,7 @@ fn whole_lines_of_csv_are_recovered() {
     // Zeros in place of a page, from the middle of a row to that of another: rows are of 21 bytes.
     let row = |i: usize| format!("{i:07}.0,{i:07}.0,\n");
     let rows: String = (0..400).map(row).collect();
-    let mut bytes = format!("a,b,health\n{rows}").into_bytes();
+    let mut bytes = format!("\"a 1, left\",fx,health\n{rows}").into_bytes();
     bytes[1005..5101].fill(0);
     let part = folder.with("y.csv.part", &bytes);
     let recovered = recover(&part, None, true).unwrap();
