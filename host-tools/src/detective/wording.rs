@@ -200,7 +200,7 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
                     };
                     format!(
                         "all {these} read {} times too {much}, or {others} too {little}{witness}",
-                        plain(factor.max(1.0 / factor), 4)
+                        plain(factor.max(1.0 / factor), 6)
                     )
                 }
             }

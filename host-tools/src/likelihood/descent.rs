@@ -145,8 +145,8 @@ impl<'a> Problem<'a> {
         self.system_at(model, freedom, detail, &leaked)
     }
 
-    /// Observed information: the fall of the score along each free parameter, by central differences over a tenth of its
-    /// standard deviation by `inverse`, the expected information's. Along directions whose motion is near its noise, the
+    /// Observed information of the free parameters, at their places: the fall of the score along each, by central
+    /// differences over a tenth of its standard deviation by `inverse`, the expected information's. Along directions whose motion is near its noise, the
     /// expected one has the noise's power as well, which tells nothing.
     pub(super) fn observed(
         &self,
@@ -155,8 +155,9 @@ impl<'a> Problem<'a> {
         inverse: &DMatrix<f64>,
     ) -> Option<DMatrix<f64>> {
         let places = freedom.places(model);
-        let mut information = DMatrix::zeros(places.len(), places.len());
-        let mut step = vec![0.0; model.parameters()];
+        let count = model.parameters();
+        let mut information = DMatrix::zeros(count, count);
+        let mut step = vec![0.0; count];
         for (j, &place) in places.iter().enumerate() {
             let width = DIFFERENCE * (0.5 * inverse[(j, j)]).sqrt();
             let mut score = |to: f64| {
@@ -167,8 +168,8 @@ impl<'a> Problem<'a> {
                 Some(self.system(&moved, freedom, Detail::Step)?.score)
             };
             let fall = (score(-width)? - score(width)?) / (2.0 * width);
-            for (i, &row) in places.iter().enumerate() {
-                information[(i, j)] = fall[row];
+            for &row in &places {
+                information[(row, place)] = fall[row];
             }
         }
         Some((&information + information.transpose()) * 0.5)

@@ -451,7 +451,7 @@ impl Spread {
         let beside = corner(&beside, &told) * 0.5;
         let observed = || {
             let information = problem.observed(model, freedom, &inverse)?;
-            descent::inverse(&information, &all(information.nrows()))
+            descent::inverse(&information, &places)
         };
         let observed = base.all_directions.then(observed).flatten();
         let untold = base.wandering.filter(|_| observed.is_none());
@@ -562,11 +562,6 @@ fn blended(
         }
     }
     sum
-}
-
-/// All places of a matrix of this size.
-fn all(size: usize) -> Vec<usize> {
-    (0..size).collect()
 }
 
 /// Rows and columns of these places.
