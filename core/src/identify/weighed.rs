@@ -1,15 +1,18 @@
 //! The equations of a set of masslines about a point, and their weights.
 
 use super::measurement::{Measurement, Vector10, measurement_matrix};
-use crate::algebra::{half, inverse_lower, lower, multiply_left};
+use crate::algebra::{half, inverse_lower, larger, lower, multiply_left};
 use crate::geometry::transfer;
 use crate::masslines::{Massline, Masslines};
 use nalgebra::{Matrix6, Vector3, Vector6};
 
+/// Least number of independent lines behind a pair: the elastic terms may leave it a small share of those in the band.
+const LEAST: f64 = 1e-6;
+
 /// Second moments by which noise turns the directions of a set: half of a line's noise along those
 /// that it does not excite, since real moments hold half of it.
 fn turn<const PAIRS: usize>(set: &Masslines<PAIRS>) -> Matrix6<f64> {
-    (set.noise() - set.pull()) * (0.5 / set.lines().max(1.0))
+    (set.noise() - set.pull()) * (0.5 / larger(set.lines(), LEAST))
 }
 
 /// Noise with which an excitation of a set is compared: the noise in its pairs, and the rotation of

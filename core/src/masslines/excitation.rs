@@ -6,7 +6,10 @@
 //! matrix: directions and their power over noise are those of the pencil (moments, noise),
 //! which do not depend on the reference point.
 
-use crate::algebra::{inverse_lower, lower, multiply_left, symmetric_eigen, symmetric_values};
+use crate::algebra::{
+    inverse_lower, lower, multiply_left, multiply_right, symmetric_eigen, symmetric_values,
+};
+use crate::cells::cells;
 use nalgebra::{ArrayStorage, Matrix6, Vector6};
 
 pub(super) const IDENTITY: Matrix6<f64> = Matrix6::new(
@@ -47,6 +50,9 @@ pub(super) struct Excitation {
     basis: Matrix6<f64>,
     /// First [`Self::rank`] rows: coordinates of a vector along them.
     coordinates: Matrix6<f64>,
+    /// Rows from [`Self::rank`] on: coordinates along the other directions that have noise, in units of its
+    /// standard deviation.
+    others: Matrix6<f64>,
     rank: usize,
     /// Power over noise of the weakest excited direction.
     weakest: f64,
@@ -57,6 +63,7 @@ impl Excitation {
     pub(super) const NONE: Self = Self {
         basis: NO_MATRIX,
         coordinates: NO_MATRIX,
+        others: NO_MATRIX,
         rank: 0,
         weakest: f64::INFINITY,
     };
@@ -81,10 +88,12 @@ impl Excitation {
         let Self {
             basis,
             coordinates,
+            others,
             rank,
             weakest,
         } = self;
         (*rank, *weakest) = (0, f64::INFINITY);
+        others.fill(0.0);
         // Until the coordinates are known, the root of the noise lies in their place.
         let whitening = coordinates;
         whiten(noise, whitening);
@@ -106,14 +115,17 @@ impl Excitation {
             return;
         }
         let values = symmetric_eigen(&mut ratio, &mut vectors);
-        for (vector, &value) in vectors.data.0.iter_mut().zip(&values) {
+        *rank = values.iter().filter(|value| **value > EXCITED).count();
+        for (j, (vector, &value)) in vectors.data.0.iter_mut().zip(&values).enumerate() {
             if value > EXCITED {
                 *weakest = value;
-                *rank += 1;
             } else {
-                vector.fill(0.0);
+                for (i, x) in vector.iter_mut().enumerate() {
+                    cells(others)[(j, i)] = core::mem::take(x);
+                }
             }
         }
+        multiply_right(others, coordinates);
         // Coordinates along a direction are vᵀ W. The direction is what the moments hold along
         // them, M Wᵀ v, and not what the noise would: where a direction is excited that no noise
         // is known of, the noise has no such component.
@@ -153,6 +165,12 @@ impl Excitation {
     /// Matrix whose first [`Self::rank`] columns turn coordinates into a vector of six.
     pub(super) fn basis(&self) -> &Matrix6<f64> {
         &self.basis
+    }
+
+    /// Matrix whose rows from [`Self::rank`] on turn a vector of six into coordinates along the other directions, in
+    /// which the noise has the covariance one. A direction without noise has the row zero.
+    pub(super) fn others(&self) -> &Matrix6<f64> {
+        &self.others
     }
 
     /// Matrix whose first [`Self::rank`] rows turn a vector of six into coordinates.

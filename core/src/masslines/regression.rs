@@ -16,6 +16,7 @@ use crate::algebra::{
 };
 use crate::cells::{cells, seen};
 use crate::geometry::Equations;
+use core::ops::Range;
 use nalgebra::{ArrayStorage, Complex, Matrix6, Vector3, Vector6};
 use sums::{NO_RIGHT, Normal, Right, Sums};
 
@@ -137,10 +138,12 @@ impl Regression {
         self.sums.add_columns(columns, functions, equations);
     }
 
-    /// Takes the sums to the excited directions and the measured equations, see [`Sums::turn`].
+    /// Takes the sums to the excited directions, the others after them, and to the measured equations, see
+    /// [`Sums::turn`].
     pub(super) fn turn(&mut self, shift: Option<&Vector3<f64>>) {
-        let (directions, equations) = (self.excitation.coordinates(), self.equations.rows());
-        self.sums.turn(directions, equations, shift);
+        let mut directions = *self.excitation.coordinates();
+        directions += self.excitation.others();
+        self.sums.turn(&directions, self.equations.rows(), shift);
     }
 
     /// Solves with the given terms, the first of which is the rigid one. `None` if the
@@ -284,18 +287,37 @@ impl Regression {
 
     /// Projections of each right-hand side, by forward substitution.
     fn project(&self, places: &[usize; SIZE], unknowns: usize, into: &mut Right) {
-        let places = seen(&places[..]);
         into.fill(0.0);
         let columns = self.sums.right.data.0.iter().zip(&mut into.data.0);
         for (right, filled) in columns.take(self.equations.count()) {
-            let (right, filled) = (seen(&right[..]), &mut filled[..]);
-            for i in 0..unknowns {
-                let mut sum = right[places[i]];
-                let row = self.factor.row(i);
-                for (l, x) in row.iter().zip(&*filled).take(i) {
-                    sum -= l * x;
-                }
-                cells(filled)[i] = sum * seen(row)[i];
+            let right = seen(&right[..]);
+            for (x, place) in filled.iter_mut().zip(places).take(unknowns) {
+                *x = right[*place];
+            }
+            self.forward(unknowns, filled);
+        }
+    }
+
+    /// Forward substitution of the first `unknowns` elements.
+    fn forward(&self, unknowns: usize, column: &mut [f64]) {
+        for i in 0..unknowns {
+            let row = self.factor.row(i);
+            let mut sum = seen(column)[i];
+            for (l, x) in row.iter().zip(&*column).take(i) {
+                sum -= l * x;
+            }
+            cells(column)[i] = sum * seen(row)[i];
+        }
+    }
+
+    /// Back substitution of these elements, which are the last ones.
+    fn backward(&self, elements: Range<usize>, column: &mut [f64]) {
+        for i in elements.clone().rev() {
+            let row = self.factor.row(i);
+            let x = seen(column)[i] * seen(row)[i];
+            cells(column)[i] = x;
+            for (left, l) in column.iter_mut().zip(row).take(i).skip(elements.start) {
+                *left -= l * x;
             }
         }
     }
@@ -328,14 +350,7 @@ impl Regression {
         let rank = unknowns - nuisance;
         let columns = coefficients.data.0.iter_mut();
         for column in columns.take(self.equations.count()) {
-            for i in (first..unknowns).rev() {
-                let row = self.factor.row(i);
-                let x = seen(&column[..])[i] * seen(row)[i];
-                cells(&mut column[..])[i] = x;
-                for (left, l) in column.iter_mut().zip(row).take(i).skip(first) {
-                    *left -= l * x;
-                }
-            }
+            self.backward(first..unknowns, column);
             let column = &mut cells(&mut column[..]);
             let last = |i| if i < rank { column[nuisance + i] } else { 0.0 };
             let rigid: [f64; 6] = core::array::from_fn(last);
@@ -535,22 +550,66 @@ impl Regression {
         core::array::from_fn(|p| if p < rank { inner[(p, p)] } else { 0.0 })
     }
 
-    /// Adds the pairs to `set`, whitened by the residual.
+    /// Accelerations that go with those along the excited directions, one column a direction: the first term of
+    /// their regression on the functions of a solution, as that of the forces is M₀. `noise` is that of [`Self::restart`].
+    ///
+    /// A table whose cross-talk has a resonance moves along the other directions, too, by a share that differs from line
+    /// to line. Such motion is none of the noise, however little it is: the forces that go with it are in M₀.
+    #[inline(never)] // Its matrix and its places are off the stack when pairs are made.
+    fn motions(&mut self, solution: &Solution, noise: &Matrix6<f64>) -> Option<Matrix6<f64>> {
+        let mut motions = *self.excitation.basis();
+        let rank = self.excitation.rank();
+        // Over all lines, nothing along the others goes with the excited directions: that is what they are.
+        if rank == 6 || solution.terms.len() < 2 {
+            return Some(motions);
+        }
+        let places = self.places(&solution.terms);
+        let unknowns = rank * solution.terms.len();
+        let nuisance = unknowns - rank;
+        let mut schur = NO_MATRIX;
+        self.factorize(&places, [unknowns, nuisance], &mut schur)?;
+        let (places, normal) = (seen(&places[..]), seen(&self.sums.normal));
+        let mut along = [0.0; SIZE];
+        for other in rank..6 {
+            for i in 0..unknowns {
+                let place = places[i];
+                cells(&mut along[..])[i] = normal[(place.max(other), place.min(other))];
+            }
+            self.forward(unknowns, &mut along);
+            self.backward(nuisance..unknowns, &mut along);
+            let row: Vector6<f64> = self.excitation.others().row(other).transpose();
+            let motion = noise * row;
+            for (mut column, share) in motions
+                .column_iter_mut()
+                .zip(along.iter().skip(nuisance))
+                .take(rank)
+            {
+                column.axpy(*share, &motion, 1.0);
+            }
+        }
+        Some(motions)
+    }
+
+    /// Adds the pairs to `set`, whitened by the residual. `noise` is that of [`Self::restart`].
     pub(super) fn masslines<const PAIRS: usize>(
-        &self,
+        &mut self,
         solution: &Solution,
+        noise: &Matrix6<f64>,
         set: &mut Masslines<PAIRS>,
     ) -> Result<(), MasslineError> {
         let rank = self.excitation.rank();
         let rows = self.equations.count();
         set.equations = self.whitened(solution).ok_or(MasslineError::Singular)?;
+        let motions = self
+            .motions(solution, noise)
+            .ok_or(MasslineError::Singular)?;
         let mut u = solution.schur;
         lower(&mut u, rank).ok_or(MasslineError::Singular)?;
         let (u, coefficients) = (seen(&u), seen(&solution.coefficients));
         for p in 0..rank {
             // Row p of U, with S = U Uᵀ here: column p of the lower factor.
             let c = Vector6::from_fn(|i, _| if i < rank { u[(i, p)] } else { 0.0 });
-            let acceleration = self.excitation.basis() * c;
+            let acceleration = motions * c;
             let measured = Vector6::from_fn(|j, _| {
                 (0..rank).map(|i| coefficients[(i, j)] * seen(&c)[i]).sum()
             });

@@ -98,8 +98,7 @@ impl Likelihood {
             return None;
         };
         let fitted = identification(band, fit, known_mass, type_b);
-        // Motion near the noise, which the band's method leaves out, is in none of its error bars.
-        if !fit.wanders && is_wider(&fitted.0, band) {
+        if is_wider(&fitted.0, band) {
             self.stepped_back = Some("its error bars are no narrower".to_owned());
             return None;
         }

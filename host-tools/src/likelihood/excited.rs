@@ -53,6 +53,11 @@ impl Excited {
         Self::above(f64::NEG_INFINITY, records)
     }
 
+    /// Power over noise of the weakest direction.
+    pub(super) fn weakest(&self) -> f64 {
+        self.power.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
     /// Directions whose power is above so many times their noise.
     fn above(least: f64, records: &[Record]) -> Option<Self> {
         let (mut power, mut noise) = (Matrix6::zeros(), Matrix6::zeros());

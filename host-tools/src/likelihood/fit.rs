@@ -23,6 +23,8 @@ const STEPS: usize = 80;
 const ROTATES: f64 = 0.65;
 /// Most times that the guess of the inertia is widened.
 const WIDENED: usize = 3;
+/// Power over its noise of the weakest direction up to which error bars come from the observed information.
+const NEAR: f64 = 100.0;
 /// Share of the first mode up to which lines are low.
 const LOW: f64 = 0.35;
 /// Squared distance of the fits of low and of all lines from which they disagree.
@@ -453,8 +455,9 @@ impl Spread {
             let information = problem.observed(model, freedom, &inverse)?;
             descent::inverse(&information, &places)
         };
-        let observed = base.all_directions.then(observed).flatten();
-        let untold = base.wandering.filter(|_| observed.is_none());
+        let is_near = base.all_directions || excited.weakest() < NEAR;
+        let observed = is_near.then(observed).flatten();
+        let untold = (is_near && observed.is_none()).then_some(base.wandering.unwrap_or(0.0));
         let (inverse, informed) = match observed {
             Some(observed) => {
                 // Variance of the score between two inverses of its slope.

@@ -78,11 +78,13 @@ pub(super) fn table_motion(table: &Table, motion: &[f64; 6], seed: u64) -> Table
 
 /// One row per load cell: its readings of the six resultants at the interface's origin.
 ///
-/// The cells share a resultant in the way of least norm, and lock in internal forces on
-/// top: random combinations that have no resultant, proportional to the load, `internal`
-/// times as large as the shared forces.
+/// The cells share a resultant about their centre in the way of least norm, and lock in internal
+/// forces on top: random combinations that have no resultant, proportional to the load, `internal`
+/// times as large as the shared forces. A force that no cell measures passes through their centre,
+/// as where resultants are taken from the cells (equation (5)).
 pub(super) fn load_paths(cells: &[LoadCellEntry], internal: f64, seed: u64) -> DMatrix<f64> {
-    let geometry = geometry(cells);
+    let centre = centre(cells);
+    let geometry = geometry(cells, &centre);
     let shared = least_norm(&geometry);
 
     let mut stream = Stream::new(seed, &["internal forces"]);
@@ -101,17 +103,31 @@ pub(super) fn load_paths(cells: &[LoadCellEntry], internal: f64, seed: u64) -> D
             column += added;
         }
     }
-    paths
+    paths * to_centre(&centre)
 }
 
-/// X_f of eq (5), q x 6.
-fn geometry(cells: &[LoadCellEntry]) -> DMatrix<f64> {
+/// Mean position of the cells, m.
+fn centre(cells: &[LoadCellEntry]) -> Vector3<f64> {
+    let sum: Vector3<f64> = cells.iter().map(|cell| Vector3::from(cell.position)).sum();
+    sum / (cells.len() as f64).max(1.0)
+}
+
+/// Takes resultants at the origin to those at `centre`, m.
+fn to_centre(centre: &Vector3<f64>) -> DMatrix<f64> {
+    let mut to_centre = DMatrix::identity(6, 6);
+    let lever = -centre.cross_matrix();
+    to_centre.fixed_view_mut::<3, 3>(3, 0).copy_from(&lever);
+    to_centre
+}
+
+/// X_f of eq (5) about `centre`, q x 6.
+fn geometry(cells: &[LoadCellEntry], centre: &Vector3<f64>) -> DMatrix<f64> {
     let rows: Vec<_> = cells
         .iter()
         .map(|cell| {
             let direction = Vector3::from(cell.direction);
             match cell.quantity {
-                Quantity::Force => motion_row(&Vector3::from(cell.position), &direction),
+                Quantity::Force => motion_row(&(Vector3::from(cell.position) - centre), &direction),
                 Quantity::Moment => stack(&Vector3::zeros(), &direction),
             }
         })
@@ -164,7 +180,7 @@ mod tests {
         let cells = cells();
         for internal in [0.0, 0.5] {
             let paths = load_paths(&cells, internal, 1);
-            let carried = geometry(&cells).tr_mul(&paths);
+            let carried = geometry(&cells, &Vector3::zeros()).tr_mul(&paths);
             // Condition of X_fᵀ X_f is about 10, twelve terms a sum: below 100 ε.
             assert!((carried - DMatrix::identity(6, 6)).amax() < 100.0 * f64::EPSILON);
         }
@@ -188,10 +204,25 @@ mod tests {
             })
             .collect();
         let paths = load_paths(&upright, 0.0, 1);
-        let carried = geometry(&upright).tr_mul(&paths);
+        let height = 0.3;
+        let lowered: Vec<_> = upright
+            .iter()
+            .cloned()
+            .map(|mut cell| {
+                cell.position[2] -= height;
+                cell
+            })
+            .collect();
+        let centre = centre(&upright);
+        let carried = geometry(&upright, &centre).tr_mul(&paths);
         for (axis, expected) in [0.0, 0.0, 1.0, 1.0, 1.0, 0.0].iter().enumerate() {
             assert!((carried[(axis, axis)] - expected).abs() < 1e-12);
         }
+        // A force along x that no cell measures passes through their centre: below it, it has a moment.
+        let lower = load_paths(&lowered, 0.0, 1);
+        let moment = |paths: &DMatrix<f64>| geometry(&upright, &Vector3::zeros()).tr_mul(paths);
+        let more = moment(&lower)[(4, 0)] - moment(&paths)[(4, 0)];
+        assert!((more - height).abs() < 1e-12, "{more}");
     }
 
     #[test]

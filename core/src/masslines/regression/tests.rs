@@ -55,3 +55,78 @@ fn known_terms_bias_as_a_fit_of_those_that_are_left_says() {
     assert!((known.relative_bias(&[0]) - all).abs() < 1e-12);
     assert_eq!(known.relative_bias(&[0, 1, 2, 3, 5]), 0.0);
 }
+
+/// A base that is driven along x and follows along y and about z, by shares of their own that a resonance changes from line
+/// to line, with less than a hundred times the power of the noise: one direction is excited. Forces are those of a body, and of a
+/// mode that moves along x.
+fn following(share: f64, resonant: f64) -> (Masslines, Matrix6<f64>) {
+    const LINES: usize = 30;
+    let body = crate::rigid_body::RigidBody {
+        mass: 5.0,
+        centre_of_gravity: Vector3::new(0.1, -0.2, 0.3),
+        inertia: crate::rigid_body::Inertia::from_terms([0.5, 0.6, 0.7, 0.05, -0.04, 0.03]),
+    };
+    let rigid = body.mass_matrix(&Vector3::zeros());
+    let mut elastic = Matrix6::zeros();
+    elastic[(0, 0)] = 2.0;
+    let one = Complex::new(1.0, 0.0);
+    let mut regression = Regression::EMPTY;
+    regression.begin(&Equations::all(), 2, 1.0);
+    let lines: [_; LINES] = core::array::from_fn(|line| {
+        let f = (line + 1) as f64 / LINES as f64;
+        let phi = [one, Complex::new(f * f / (2.0 - f * f), 0.0)];
+        let follows = phi[0] * share + phi[1] * resonant;
+        let a = Vector6::from([
+            one,
+            follows,
+            one * 0.0,
+            one * 0.0,
+            one * 0.0,
+            follows * -0.5,
+        ]);
+        let m = rigid.map(Complex::from) + elastic.map(Complex::from) * phi[1];
+        let f = m * a;
+        let moments = Moments {
+            aa: a * a.adjoint(),
+            fa: f * a.adjoint(),
+            ff: f * f.adjoint(),
+        };
+        (moments, phi)
+    });
+    let mut aa = Matrix6::zeros();
+    for (moments, _) in &lines {
+        aa += moments.aa.map(|z| z.re);
+    }
+    // Of one direction the power is 3e5 times that.
+    let noise = Matrix6::identity() * 1e-4;
+    regression.restart(&aa, &noise).unwrap();
+    assert_eq!(regression.excitation().rank(), 1);
+    for (moments, phi) in &lines {
+        regression.add(moments, phi, 2.0);
+    }
+    regression.turn(None);
+    let mut solution = Solution::EMPTY;
+    regression.solve(&[0, 1], &mut solution).unwrap();
+    let mut set = Masslines::new(Vector3::zeros(), Equations::all());
+    regression.masslines(&solution, &noise, &mut set).unwrap();
+    (set, rigid)
+}
+
+/// The pair of such a base has the motion that the rigid term goes with, `a = (1, share, 0, 0, 0, -share / 2)`, and the
+/// forces of the body for it: what the resonance adds along the axes at rest goes with the mode's term.
+#[test]
+fn a_base_that_follows_otherwise_at_each_line_is_in_the_pairs() {
+    for (share, resonant) in [(0.0, 0.0), (0.01, 0.0), (0.0, 0.01), (0.02, -0.015)] {
+        let (set, rigid) = following(share, resonant);
+        let [pair] = set.pairs() else {
+            panic!("{} pairs", set.pairs().len());
+        };
+        let size = pair.acceleration[0];
+        let expected = Vector6::new(1.0, share, 0.0, 0.0, 0.0, -0.5 * share) * size;
+        // Eigenvectors are found to the root of rounding: 3e-8 were measured.
+        let off = (pair.acceleration - expected).norm() / size;
+        assert!(off < 1e-7, "{share} {resonant}: {off}");
+        let left = (rigid * pair.acceleration - pair.force).norm() / pair.force.norm();
+        assert!(left < 1e-7, "{share} {resonant}: {left}");
+    }
+}
