@@ -93,6 +93,16 @@ impl Body {
         (scale > WIDER).then_some(wider)
     }
 
+    /// Least share of its deviation beforehand that a guessed parameter has left in the fitted `covariance`; `None` without
+    /// a guess.
+    pub(super) fn left(&self, covariance: &SMatrix<f64, RIGID, RIGID>) -> Option<f64> {
+        let shares = self.likely.iter().enumerate().filter_map(|(i, known)| {
+            let [_, deviation] = (*known)?;
+            Some(covariance[(i, i)].sqrt() / deviation)
+        });
+        shares.reduce(f64::min)
+    }
+
     /// Puts the guesses into a model.
     pub(super) fn put(&self, model: &mut Model) {
         for (x, known) in model.rigid.iter_mut().zip(&self.likely) {
