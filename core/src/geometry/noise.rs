@@ -161,24 +161,31 @@ pub(crate) fn least_translation(moments: &Matrix6<f64>) -> Vector3<f64> {
 
 /// The places of the accelerometers, as the noise of the accelerations at A tells them: their middle
 /// (m, from A), and the square of their distance from an axis through it (m², mean over the axes that
-/// they see turn). The noise of all of them is alike. Zero where they see no rotation.
+/// they see turn). The noise of all that look along the same axis is alike: a rotation is held against the two
+/// translations across its axis, of which those that are less noisy tell more. Zero where they see no rotation.
 #[must_use]
 pub fn accelerometer_places(noise: &Matrix6<f64>) -> (Vector3<f64>, f64) {
     let middle = least_translation(noise);
     let mut there = *noise;
     move_accelerations(&mut there, &middle);
     // At the middle what they tell of translation and of rotation is independent.
-    let mean = |first: usize, of: &dyn Fn(f64) -> f64| {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for variance in there.diagonal().iter().skip(first).take(3) {
-            if *variance > 0.0 {
-                sum += of(*variance);
-                count += 1.0;
-            }
-        }
-        if count > 0.0 { sum / count } else { 0.0 }
+    let weight = |i: usize| {
+        let variance = seen(&there)[(i, i)];
+        (variance > 0.0).then(|| 1.0 / variance)
     };
-    (middle, mean(0, &|t| t) * mean(3, &|r| 1.0 / r))
+    let (mut sum, mut count) = (0.0, 0.0);
+    for axis in 0..3 {
+        let across = [weight((axis + 1) % 3), weight((axis + 2) % 3)];
+        let told: f64 = across.iter().flatten().sum();
+        let seen = across.iter().flatten().count();
+        if let Some(turning) = weight(3 + axis)
+            && seen > 0
+        {
+            sum += turning * seen as f64 / told;
+            count += 1.0;
+        }
+    }
+    (middle, if count > 0.0 { sum / count } else { 0.0 })
 }
 
 /// The middle one of three variances from `first` on, or the largest if not all of them are there.
@@ -350,6 +357,35 @@ mod tests {
         let (found, square) = accelerometer_places(&plane);
         assert!((found.x - middle.x).abs() < 1e-11 && (found.z - middle.z).abs() < 1e-11);
         assert!((square - 0.08).abs() < 1e-11, "{square}");
+        // The base moves along x, and the sensors' noise follows what they see: 1e4 times the power along x. About x
+        // there are 0.08 m² as before, about y and z 0.16 m², which the sensors along z and y tell.
+        let mut unlike = Matrix6::zeros();
+        for (x, y) in places {
+            let rows = SMatrix::<f64, 3, 6>::from_row_slice(&[
+                1e-2,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                -1e-2 * y,
+                0.0,
+                1.0,
+                0.0,
+                0.0,
+                0.0,
+                x,
+                0.0,
+                0.0,
+                1.0,
+                y,
+                -x,
+                0.0,
+            ]);
+            unlike += rows.transpose() * rows;
+        }
+        let (found, square) = accelerometer_places(&unlike.try_inverse().unwrap());
+        assert!(found.norm() < 1e-11, "{found}");
+        assert!((square - 0.4 / 3.0).abs() < 1e-4, "{square}");
     }
 
     #[test]
