@@ -71,7 +71,10 @@ impl OddRun {
             .find_map(|(run, modes, agreed)| {
                 let rest = fitted(of_runs(records, |r| r != *run))?;
                 // Without its drive an axis may hardly move.
-                let fits = matches!(rest.doubt(), None | Some(Doubt::Wandering(_)));
+                let fits = matches!(
+                    rest.doubt(),
+                    None | Some(Doubt::Wandering(_) | Doubt::Guess(_))
+                );
                 fits.then(|| Self {
                     run: *run,
                     modes: modes.clone(),

@@ -113,7 +113,8 @@ pub struct Fit {
     /// Least share of its deviation beforehand that a guessed parameter has left, where the numbers rest on the guess and
     /// the base moves along directions near its noise.
     pub left_of_guess: Option<f64>,
-    /// Deviation from chance, in standard deviations, of such motion, where the slope of the score tells no error bars.
+    /// Deviation from chance, in standard deviations, of motion along directions near the noise that is otherwise at each
+    /// frequency, zero where there is none, if the slope of the score tells no error bars.
     pub untold: Option<f64>,
     /// |ε|² over its expectation of each record, in stretches of frequency from low to high.
     pub residuals: Vec<Vec<f64>>,
@@ -132,7 +133,8 @@ pub enum Doubt {
     Residuals(f64),
     /// Low and all lines disagree.
     LowLines(f64),
-    /// The base moves along directions near its noise, and the lines do not tell by how much that bends the numbers.
+    /// The base moves along directions near its noise, by so many deviations from chance otherwise at each frequency, and
+    /// the lines do not tell by how much that bends the numbers.
     Wandering(f64),
     /// The numbers rest on parameters of the body that only motion near the noise tells: what is left of the deviation
     /// beforehand of one of them, a share.
@@ -152,6 +154,9 @@ impl std::fmt::Display for Doubt {
             Self::LowLines(d) => write!(
                 f,
                 "a fit of the low lines alone gives another body (squared distance {d:.0}, limit {DISAGREEMENT})"
+            ),
+            Self::Wandering(z) if *z <= WANDERING => f.write_str(
+                "the base moves along axes that hardly rise above the accelerometers' noise, and the lines do not tell by how much that bends the numbers: drive them, too",
             ),
             Self::Wandering(z) => write!(
                 f,
@@ -453,7 +458,7 @@ struct Spread {
     covariance: Covariance10,
     /// Largest share of a variance by information that the guess of the inertia adds.
     guess_share: f64,
-    /// Deviation from chance of motion near its noise whose error bars the slope of the score does not tell.
+    /// Deviation from chance of motion near its noise whose error bars the slope of the score does not tell, or zero.
     untold: Option<f64>,
 }
 
