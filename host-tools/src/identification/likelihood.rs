@@ -185,7 +185,11 @@ pub(crate) fn fit_records(
         };
         let is_first = found.rejected.is_empty();
         found.rejected.push((highest, doubt.to_string()));
-        if is_first && matches!(doubt, Doubt::Residuals(_) | Doubt::NotConverged) {
+        let is_of_runs = matches!(
+            doubt,
+            Doubt::Residuals(_) | Doubt::NotConverged | Doubt::RunApart(_)
+        );
+        if is_first && is_of_runs {
             found.odd_run = OddRun::among(&cut, &options, progress);
         }
         // Of another sample rate or structure fewer lines are wrong, too.

@@ -25,6 +25,9 @@ const ROTATES: f64 = 0.65;
 const WIDENED: usize = 3;
 /// Power over its noise of the weakest direction up to which error bars come from the observed information.
 const NEAR: f64 = 100.0;
+/// Share by which natural frequencies of a run may differ from those of the others, in the median: offsets between runs
+/// take in a recording of another sample rate, too, of 25 % in three of four tests of 10 s.
+const APART: f64 = 0.05;
 /// Share of a variance that the guess of the body has from which the numbers rest on it.
 const RESTS_ON_GUESS: f64 = 0.5;
 /// Share of its deviation beforehand that a guess has left, below which the lines tell the parameter. By motion near the
@@ -139,6 +142,8 @@ pub enum Doubt {
     /// The numbers rest on parameters of the body that only motion near the noise tells: what is left of the deviation
     /// beforehand of one of them, a share.
     Guess(f64),
+    /// The natural frequencies of a run are those of the others, so many times.
+    RunApart(f64),
     /// A mode within the lines is no resonance: its frequency in Hz and damping.
     Overdamped([f64; 2]),
 }
@@ -168,6 +173,11 @@ impl std::fmt::Display for Doubt {
                 100.0 * left,
                 100.0 * LEFT_OF_GUESS
             ),
+            Self::RunApart(factor) => write!(
+                f,
+                "the natural frequencies of one run are {factor:.3} times those of the others (limit {:.0} %)",
+                100.0 * APART
+            ),
             Self::Overdamped([frequency, damping]) => write!(
                 f,
                 "a mode at {frequency:.1} Hz, damped by {:.0} %, is no resonance (limit {:.0} %): look for a delay between forces and accelerations with `massline check`",
@@ -194,6 +204,9 @@ impl Fit {
         let ratio = self.ratio();
         if ratio > RATIO {
             return Some(Doubt::Residuals(ratio));
+        }
+        if let Some(factor) = self.model.run_apart(APART) {
+            return Some(Doubt::RunApart(factor));
         }
         if let Some(deviations) = self.untold {
             return Some(Doubt::Wandering(deviations));
@@ -229,9 +242,10 @@ pub fn fit(
     if all_directions {
         excited = Excited::seen(records).ok_or(FitError::NoExcitation)?;
     }
+    let is_near = all_directions || (excited.weakest() < NEAR && !options.resting);
     let base = Base {
         wandering,
-        all_directions,
+        is_near,
         noise: records.iter().map(|r| r.noise.base).sum::<Matrix6<f64>>() / records.len() as f64,
         excited,
     };
@@ -273,7 +287,7 @@ pub fn fit(
         left_of_guess: fitted
             .body
             .left(&spread.covariance)
-            .filter(|_| base.is_near() && spread.guess_share > RESTS_ON_GUESS),
+            .filter(|_| base.is_near && spread.guess_share > RESTS_ON_GUESS),
         untold: spread.untold,
         residuals,
         band: [
@@ -312,18 +326,13 @@ struct Base {
     excited: Excited,
     /// Deviation from chance, in standard deviations, of its motion along directions near its noise, where that is large.
     wandering: Option<f64>,
-    /// `true` if these are among the directions.
-    all_directions: bool,
+    /// `true` if it moves along directions near its noise that are in the fit, whose numbers are asked for.
+    is_near: bool,
     /// Covariance of the noise of its accelerations, the mean of all records.
     noise: Matrix6<f64>,
 }
 
 impl Base {
-    /// `true` if it moves along directions near its noise that are in the fit.
-    fn is_near(&self) -> bool {
-        self.all_directions || self.excited.weakest() < NEAR
-    }
-
     /// `true` if so much of its measured rotation is motion that modes are sought beside a guess of the inertia.
     fn rotates(&self) -> bool {
         self.excited.believed > ROTATES
@@ -487,9 +496,8 @@ impl Spread {
             let information = problem.observed(model, freedom, &inverse)?;
             descent::inverse(&information, &places)
         };
-        let is_near = base.is_near();
-        let observed = is_near.then(observed).flatten();
-        let untold = (is_near && observed.is_none()).then_some(base.wandering.unwrap_or(0.0));
+        let observed = base.is_near.then(observed).flatten();
+        let untold = (base.is_near && observed.is_none()).then_some(base.wandering.unwrap_or(0.0));
         let (inverse, informed) = match observed {
             Some(observed) => {
                 // Variance of the score between two inverses of its slope.

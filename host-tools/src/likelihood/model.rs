@@ -8,6 +8,7 @@
 //! σ are the ten numbers of equation (6) about A, p_r is 1 for viscous damping and 0 for
 //! structural damping. Each run has offsets of ln ω_r and ln ζ_r of its own.
 
+use super::noise::median;
 use super::record::Complex6;
 use nalgebra::{Complex, Matrix6, Vector6};
 
@@ -132,6 +133,23 @@ impl Model {
             (mode.ln_frequency + frequency).exp(),
             (mode.ln_damping + damping).exp(),
         )
+    }
+
+    /// Median over the modes of the factor by which natural frequencies of a run differ from the median over all runs, in
+    /// the run where that is largest; `None` where it is within `limit` of one.
+    pub(super) fn run_apart(&self, limit: f64) -> Option<f64> {
+        let of_mode = |r: usize| median(self.offsets.iter().map(|run| run[r][0]).collect());
+        let medians: Vec<f64> = (0..self.modes.len()).map(of_mode).collect();
+        let apart = |run: &Vec<[f64; 2]>| {
+            let differences = run
+                .iter()
+                .zip(&medians)
+                .map(|(own, median)| own[0] - median);
+            median(differences.collect())
+        };
+        let runs = self.offsets.iter().map(apart);
+        let factor = runs.max_by(|a, b| a.abs().total_cmp(&b.abs()))?.exp();
+        ((factor - 1.0).abs() > limit).then_some(factor)
     }
 
     /// Adds a step to all parameters.
@@ -281,5 +299,22 @@ mod tests {
         let model = Model::rigid(rigid, 1.0, 1);
         // A sum of two products: a rounding or two.
         assert!((model.rigid_matrix() - matrix).norm() < 1e-15);
+    }
+
+    /// Of four runs one has three of four modes at 0.8 times the frequency; a mode that one run moves is none of the run's.
+    #[test]
+    fn a_run_of_other_frequencies_is_apart() {
+        let mut model = Model::rigid([1.0; RIGID], 60.0, 4);
+        for frequency in [20.0, 30.0, 40.0, 50.0] {
+            model.push(FittedMode::new(frequency, 0.01, Vector6::zeros()));
+        }
+        assert_eq!(model.run_apart(0.05), None);
+        model.offsets[1][2][0] = -0.2;
+        assert_eq!(model.run_apart(0.05), None);
+        for r in 0..3 {
+            model.offsets[2][r][0] = 0.8_f64.ln();
+        }
+        let factor = model.run_apart(0.05).unwrap();
+        assert!((factor - 0.8).abs() < 1e-12, "{factor}");
     }
 }

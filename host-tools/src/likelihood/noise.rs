@@ -380,7 +380,8 @@ fn levels(shares: &[f64], lines: usize) -> Vec<f64> {
     (0..lines).map(of).collect()
 }
 
-fn median(mut all: Vec<f64>) -> f64 {
+/// The middle one, or the mean of the two middle ones; zero of none.
+pub(super) fn median(mut all: Vec<f64>) -> f64 {
     all.sort_by(f64::total_cmp);
     let n = all.len();
     match n {
