@@ -85,12 +85,13 @@ pub(super) fn table_motion(table: &Table, motion: &[f64; 6], seed: u64) -> Table
 pub(super) fn load_paths(cells: &[LoadCellEntry], internal: f64, seed: u64) -> DMatrix<f64> {
     let centre = centre(cells);
     let geometry = geometry(cells, &centre);
-    let shared = least_norm(&geometry);
+    let about_centre = least_norm(&geometry);
+    let shared = &about_centre * to_centre(&centre);
 
     let mut stream = Stream::new(seed, &["internal forces"]);
     let random = DMatrix::from_fn(cells.len(), 6, |_, _| stream.normal().re);
     // What is left after its resultants are taken out produces none.
-    let locked = &random - &shared * geometry.tr_mul(&random);
+    let locked = &random - &about_centre * geometry.tr_mul(&random);
     let mut paths = shared.clone();
     for axis in 0..6 {
         let size = locked.column(axis).norm();
@@ -103,7 +104,7 @@ pub(super) fn load_paths(cells: &[LoadCellEntry], internal: f64, seed: u64) -> D
             column += added;
         }
     }
-    paths * to_centre(&centre)
+    paths
 }
 
 /// Mean position of the cells, m.

@@ -175,15 +175,16 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     )
     .ok_or(MasslineError::Singular)?;
     let first = set.pairs.len();
-    fit.regression.masslines(fit.solution, &fit.noise, set)?;
+    let turned = fit.regression.masslines(fit.solution, &fit.noise, set)?;
     fit.find_residuals(given, shift, &band, &basis);
     fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
     let share = fit.regression.share_of_pairs(fit.solution);
     set.noise = fit.noise * share;
     fit.noise_of_pairs(&mut set.pull);
     set.pull *= share;
-    // The motion that goes with the pairs is a regression, too: its noise is not less for the share that they have left.
-    set.lines = ((band.len() * lines.runs()) as f64 / lines.correlation() * share) as f32;
+    // The motion that goes with the pairs has a variance of its own, whatever share of their power they have left.
+    let lines = (band.len() * lines.runs()) as f64 / lines.correlation();
+    set.lines = (lines * share / turned) as f32;
     set.freedom = fit.regression.freedom(fit.solution) as f32;
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
