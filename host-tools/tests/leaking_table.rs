@@ -12,9 +12,9 @@ struct Test {
 }
 
 impl Test {
-    /// The satellite on its leaking table, with these sections in place of its own, 20 s a run with 1 % of noise, by the
-    /// band's method.
-    fn of(sections: &str, seed: u32) -> Self {
+    /// The satellite on its leaking table, with these sections in place of its own, 20 s a run with 1 % of noise, identified
+    /// with these options.
+    fn of(sections: &str, seed: u32, options: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let satellite = concat!(env!("CARGO_MANIFEST_DIR"), "/models/satellite.toml");
         let model = format!("extends = \"{satellite}\"\ntitle = \"Leaking table\"\n{sections}");
@@ -25,8 +25,7 @@ impl Test {
         run(folder.path(), &[&simulate[..], &rest[..]].concat());
         let test = folder.path().join("t");
         let identify = ["identify", "setup.toml", "--json", "--quiet"];
-        let by_band = ["--method", "apparent-mass"];
-        let result = run(&test, &[&identify[..], &by_band[..]].concat());
+        let result = run(&test, &[&identify[..], options].concat());
         let truth = std::fs::read_to_string(test.join("truth.json")).unwrap();
         Self {
             result: serde_json::from_str(&result).unwrap(),
@@ -58,6 +57,9 @@ fn run(folder: &Path, arguments: &[&str]) -> String {
     finished.stdout
 }
 
+/// The band's method.
+const BY_BAND: &[&str] = &["--method", "apparent-mass"];
+
 fn one_run(axis: usize) -> String {
     let mut motion = [0.0; 6];
     motion[axis] = 2.0;
@@ -71,13 +73,12 @@ fn one_run(axis: usize) -> String {
 /// The largest of these 24 errors was 0.66 half intervals.
 #[test]
 fn one_run_tells_mass_and_the_centre_across_it() {
-    for (axis, untold) in [(0, 0), (2, 2)] {
+    for axis in [0, 2] {
         for seed in [3, 7, 10, 11] {
-            let errors = Test::of(&one_run(axis), seed).errors();
-            for (i, (name, error)) in errors.iter().take(4).enumerate() {
-                if i == 1 + untold {
-                    continue;
-                }
+            let mut mass_and_centre = Test::of(&one_run(axis), seed, BY_BAND).errors();
+            mass_and_centre.truncate(4);
+            mass_and_centre.remove(1 + axis);
+            for (name, error) in mass_and_centre {
                 let error = error.unwrap_or_else(|| panic!("axis {axis}, seed {seed}: no {name}"));
                 assert!(
                     error.abs() < 1.6,
@@ -112,7 +113,7 @@ fn vertical_cells_leave_no_force_where_it_is_not() {
     }
     let (mut inside, mut all) = (0, 0);
     for seed in 1..=8 {
-        for (name, error) in Test::of(&sections, seed).errors() {
+        for (name, error) in Test::of(&sections, seed, BY_BAND).errors() {
             let Some(error) = error else {
                 continue;
             };
@@ -122,4 +123,28 @@ fn vertical_cells_leave_no_force_where_it_is_not() {
         }
     }
     assert!(all > 100 && 20 * inside > 19 * all, "{inside} of {all}");
+}
+
+/// Runs along x and z: `ml` took the inertia from motion near the noise, ten of its standard deviations off, and was five to six off in the
+/// centre of gravity (2.4 and 3.0 half intervals at these seeds). It steps back, in one test since the slope of the score
+/// tells no error bars, in the other since the numbers rest on a guess that only such motion tells, and the band's hold.
+#[test]
+fn a_guess_that_only_motion_near_the_noise_tells_is_no_ground() {
+    let runs = [(0, "r0"), (2, "r1")].map(|(axis, name)| one_run(axis).replace("only", name));
+    for (seed, reason) in [
+        (
+            23,
+            "the lines do not tell by how much that bends the numbers",
+        ),
+        (27, "only motion near the accelerometers' noise tells"),
+    ] {
+        let test = Test::of(&runs.concat(), seed, &[]);
+        let fit = &test.result["likelihood"];
+        assert_eq!(fit["used"], false, "seed {seed}: {fit}");
+        assert!(fit.to_string().contains(reason), "seed {seed}: {fit}");
+        for (name, error) in test.errors().into_iter().take(4) {
+            let error = error.unwrap_or_else(|| panic!("seed {seed}: no {name}"));
+            assert!(error.abs() < 1.0, "seed {seed}: {name} {error}");
+        }
+    }
 }

@@ -124,7 +124,7 @@ impl StaticPoses {
             regression.replace_residual(&mut solution, &left);
         }
         let mut masslines = Masslines::new(reference, *equations);
-        regression.masslines(&solution, &power, &mut masslines)?;
+        regression.masslines(&solution, &power, 1.0, &mut masslines)?;
         masslines.noise = power;
         masslines.pull = power;
         masslines.lines = self.count as f32;

@@ -18,7 +18,8 @@
 //! | `guess` | inertia that the test does not tell |
 //! | `shrinkage` | estimates of many terms that may all be zero |
 //! | `search`, `start` | start values, mode by mode |
-//! | `fit` | all steps, covariance, tests |
+//! | `fit` | all steps, covariance |
+//! | `doubt` | tests of whether it holds |
 //! | `bound` | Cramér-Rao bound of a model and a test |
 //! | `transform`, `noise` | records to lines, and what the drive does not explain |
 //! | `rigid` | σ to mass, centre of gravity and inertia |
@@ -28,6 +29,7 @@ mod batch;
 pub mod bound;
 mod columns;
 mod descent;
+mod doubt;
 mod excited;
 mod fit;
 mod guess;
@@ -49,7 +51,8 @@ mod tests;
 mod tilt;
 mod transform;
 
-pub use fit::{Covariance10, DISAGREEMENT, Doubt, Fit, FitError, Options, fit};
+pub use doubt::{DISAGREEMENT, Doubt};
+pub use fit::{Covariance10, Fit, FitError, Options, fit};
 pub(crate) use model::rigid_columns;
 pub use model::{FittedMode, Model, RIGID};
 pub use record::{Complex6, Noise, Record, highest, real_equations};

@@ -86,7 +86,8 @@ pub(super) fn load_paths(cells: &[LoadCellEntry], internal: f64, seed: u64) -> D
     let centre = centre(cells);
     let geometry = geometry(cells, &centre);
     let about_centre = least_norm(&geometry);
-    let shared = &about_centre * to_centre(&centre);
+    let to_centre = shift(&-centre).transpose();
+    let shared = &about_centre * DMatrix::from_fn(6, 6, |i, j| to_centre[(i, j)]);
 
     let mut stream = Stream::new(seed, &["internal forces"]);
     let random = DMatrix::from_fn(cells.len(), 6, |_, _| stream.normal().re);
@@ -111,14 +112,6 @@ pub(super) fn load_paths(cells: &[LoadCellEntry], internal: f64, seed: u64) -> D
 fn centre(cells: &[LoadCellEntry]) -> Vector3<f64> {
     let sum: Vector3<f64> = cells.iter().map(|cell| Vector3::from(cell.position)).sum();
     sum / (cells.len() as f64).max(1.0)
-}
-
-/// Takes resultants at the origin to those at `centre`, m.
-fn to_centre(centre: &Vector3<f64>) -> DMatrix<f64> {
-    let mut to_centre = DMatrix::identity(6, 6);
-    let lever = -centre.cross_matrix();
-    to_centre.fixed_view_mut::<3, 3>(3, 0).copy_from(&lever);
-    to_centre
 }
 
 /// X_f of eq (5) about `centre`, q x 6.

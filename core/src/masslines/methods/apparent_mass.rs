@@ -175,10 +175,10 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     )
     .ok_or(MasslineError::Singular)?;
     let first = set.pairs.len();
-    let turned = fit.regression.masslines(fit.solution, &fit.noise, set)?;
+    let share = fit.regression.share_of_pairs(fit.solution);
+    let turned = (fit.regression).masslines(fit.solution, &fit.noise, share, set)?;
     fit.find_residuals(given, shift, &band, &basis);
     fit.spread(lines, &band, set.pairs.get_mut(first..).unwrap_or(&mut []));
-    let share = fit.regression.share_of_pairs(fit.solution);
     set.noise = fit.noise * share;
     fit.noise_of_pairs(&mut set.pull);
     set.pull *= share;

@@ -108,7 +108,10 @@ fn following(share: f64, resonant: f64) -> (Masslines, Matrix6<f64>) {
     let mut solution = Solution::EMPTY;
     regression.solve(&[0, 1], &mut solution).unwrap();
     let mut set = Masslines::new(Vector3::zeros(), Equations::all());
-    regression.masslines(&solution, &noise, &mut set).unwrap();
+    let share = regression.share_of_pairs(&solution);
+    regression
+        .masslines(&solution, &noise, share, &mut set)
+        .unwrap();
     (set, rigid)
 }
 
