@@ -403,9 +403,9 @@ fn a_gain_of_the_whole_interface() {
 /// weight from all others.
 #[test]
 fn no_factor_swamps_what_is_none() {
-    let mut l = laboratory(1, 0.003, 1.0);
+    let mut l = laboratory(1, 0.001, 1.0);
     for (_, readings) in &mut l.lines {
-        readings.swap((20, 4), (23, 4));
+        readings.swap((18, 0), (29, 0));
     }
     let found = l.search();
     for candidate in found.named.iter().flatten() {
