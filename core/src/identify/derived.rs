@@ -152,8 +152,8 @@ impl<'w> Body<'w> {
     /// their means `½ tr A C` and `½ tr B C`, with the covariance C of the centre of gravity.
     ///
     /// A centre that is told to a quarter of its distance bends the inertia about S by `m r²` of its error r. The first
-    /// order knows nothing of that where the distance comes out near zero. Mass and centre together add less than the
-    /// first order has of either.
+    /// order knows nothing of that where the distance comes out near zero. With the errors of first order of the centre,
+    /// those of the mass are in it; what is left is of third order.
     fn beyond_first_order(&self, a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
         let centre = self.covariance.fixed_view::<3, 3>(1, 1);
         let (a, b) = (a * centre, b * centre);
