@@ -40,7 +40,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = Self::default().draws)]
     pub draws: usize,
     /// One case only; may be given several times [possible: fork, satellite, elastic, remounted,
-    /// sine, poses, no-drive, few-lines, unseen-modes, twelve-blocks]
+    /// sine, poses, no-drive, few-lines, unseen-modes, vertical-cells, twelve-blocks]
     #[arg(long = "case", value_name = "NAME")]
     pub cases: Vec<String>,
     /// Levels of noise, each a share of a channel's RMS over all runs
