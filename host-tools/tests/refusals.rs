@@ -456,9 +456,6 @@ fn the_covariance_propagates_to_the_error_bars_about_the_reference_point() {
                 variance += g[i] * c(i, j) * g[j];
             }
         }
-        // Of Θxx about S it has the second moments of m (y² + z²), too, which are no part of that about A.
-        let (yy, zz, yz) = (c(2, 2), c(3, 3), c(2, 3));
-        variance -= m * m * (2.0 * (yy * yy + zz * zz + 2.0 * yz * yz) + (yy + zz).powi(2));
         near(variance, &d["inertia_reference"]["xx"]["std"]);
     }
 }

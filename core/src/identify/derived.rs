@@ -5,7 +5,7 @@ use super::normal::Workspace;
 use super::student::half_width_95;
 use crate::algebra::{multiply_left, multiply_right, not_negative};
 use crate::cells::{cells, seen};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 /// A value with its standard deviation, in the same unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,11 +38,6 @@ impl Estimate {
 /// The standard deviation of a variance that rounding may have made negative.
 fn deviation(variance: f64) -> f64 {
     libm::sqrt(not_negative(variance))
-}
-
-/// Weights of a sum that has the term `j` alone.
-fn alone(j: usize) -> [f64; 6] {
-    core::array::from_fn(|i| if i == j { 1.0 } else { 0.0 })
 }
 
 /// Six inertia terms xx, yy, zz, xy, xz, yz; `None` where not observable.
@@ -125,39 +120,9 @@ impl<'w> Body<'w> {
         }
     }
 
-    /// Second derivatives of a weighted sum of the terms about S by the centre of gravity, kg; unknown terms are left out.
-    fn curvature(&self, weights: &[f64; 6]) -> Matrix3<f64> {
-        let mut curvature = Matrix3::zeros();
-        let mut subtract = |p: usize, q: usize, weight: f64| {
-            let entries = &mut cells(&mut curvature);
-            entries[(p, q)] -= self.mass * weight;
-            entries[(q, p)] -= self.mass * weight;
-        };
-        for (j, (term, &weight)) in TERMS.iter().zip(weights).enumerate() {
-            if self.term(j).is_none() {
-                continue;
-            }
-            match term {
-                Term::Moment(p, q) => {
-                    subtract(*p, *p, weight);
-                    subtract(*q, *q, weight);
-                }
-                Term::Product(p, q) => subtract(*p, *q, weight),
-            }
-        }
-        curvature
-    }
-
-    /// Second moment, beyond the first order, of two sums with the curvatures A and B: `½ tr A C B C`, and the product of
-    /// their means `½ tr A C` and `½ tr B C`, with the covariance C of the centre of gravity.
-    ///
-    /// A centre that is told to a quarter of its distance bends the inertia about S by `m r²` of its error r. The first
-    /// order knows nothing of that where the distance comes out near zero. With the errors of first order of the centre,
-    /// those of the mass are in it; what is left is of third order.
-    fn beyond_first_order(&self, a: &Matrix3<f64>, b: &Matrix3<f64>) -> f64 {
-        let centre = self.covariance.fixed_view::<3, 3>(1, 1);
-        let (a, b) = (a * centre, b * centre);
-        0.5 * (a * b).trace() + 0.25 * a.trace() * b.trace()
+    fn deviation(&self, gradient: &SVector<f64, 10>) -> f64 {
+        let variance = (gradient.transpose() * self.covariance * gradient)[0];
+        deviation(variance)
     }
 
     pub(super) fn mass(&self) -> Option<Estimate> {
@@ -206,8 +171,8 @@ impl<'w> Body<'w> {
     /// Inertia about S.
     pub(super) fn inertia_about_cg(&self) -> InertiaEstimate {
         core::array::from_fn(|j| {
-            let (value, _) = self.term(j)?;
-            let std = self.deviation_about_cg(&alone(j));
+            let (value, gradient) = self.term(j)?;
+            let std = self.deviation(&gradient);
             Some(Estimate { value, std })
         })
     }
@@ -221,9 +186,7 @@ impl<'w> Body<'w> {
                 sum.axpy(weight, &gradient, 1.0);
             }
         }
-        let first = (sum.transpose() * self.covariance * sum)[0];
-        let curvature = self.curvature(weights);
-        deviation(first + self.beyond_first_order(&curvature, &curvature))
+        self.deviation(&sum)
     }
 
     /// Covariance of mass or Δ, CG and inertia about S; `None` in the row and the column of
@@ -245,12 +208,6 @@ impl<'w> Body<'w> {
         multiply_left(&gradients, &mut matrix);
         gradients.transpose_mut();
         multiply_right(&mut matrix, &gradients);
-        let curvatures: [_; 6] = core::array::from_fn(|j| self.curvature(&alone(j)));
-        for (i, a) in curvatures.iter().enumerate() {
-            for (j, b) in curvatures.iter().enumerate() {
-                matrix[(4 + i, 4 + j)] += self.beyond_first_order(a, b);
-            }
-        }
         core::array::from_fn(|i| {
             core::array::from_fn(|j| (known[i] && known[j]).then(|| matrix[(i, j)]))
         })
@@ -284,64 +241,5 @@ impl<'w> Body<'w> {
             g[0] = 0.0;
         }
         known.then_some((value, g))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Body, TERMS, Term, Workspace};
-    use nalgebra::{Matrix3, Vector3};
-
-    /// The six terms of the inertia about S less that about the point of solution.
-    fn moved(mass: f64, r: &Vector3<f64>) -> [f64; 6] {
-        core::array::from_fn(|j| match TERMS[j] {
-            Term::Moment(p, q) => -mass * (r[p] * r[p] + r[q] * r[q]),
-            Term::Product(p, q) => -mass * r[p] * r[q],
-        })
-    }
-
-    /// A centre of gravity known to half its distance, and one that came out at the point of solution: the errors of the
-    /// inertia about S have the second moments of a normal distribution. The three points of Gauss and Hermite along each
-    /// axis give those of a polynomial of fourth order exactly.
-    #[test]
-    fn a_centre_that_is_hardly_told_widens_the_inertia() {
-        const MASS: f64 = 3.0;
-        let root = Matrix3::new(0.2, 0.0, 0.0, 0.05, 0.1, 0.0, -0.1, 0.02, 0.3);
-        for r in [Vector3::new(0.3, -0.1, 0.6), Vector3::zeros()] {
-            let mut space = Workspace::EMPTY;
-            let solved = &mut space.solved;
-            solved.known_mass = Some(MASS);
-            solved.observable = [true; 10];
-            solved.sigma[0] = 1.0;
-            solved.sigma.fixed_rows_mut::<3>(1).copy_from(&r);
-            let covariance = root * root.transpose();
-            (solved.covariance.fixed_view_mut::<3, 3>(1, 1)).copy_from(&covariance);
-            let mut expected = [[0.0; 6]; 6];
-            let points = [(-1.0, 1.0 / 6.0), (0.0, 2.0 / 3.0), (1.0, 1.0 / 6.0)];
-            for (x, of_x) in points {
-                for (y, of_y) in points {
-                    for (z, of_z) in points {
-                        let away = root * Vector3::new(x, y, z) * libm::sqrt(3.0);
-                        let (there, here) = (moved(MASS, &(r + away)), moved(MASS, &r));
-                        for i in 0..6 {
-                            for j in 0..6 {
-                                let errors = (there[i] - here[i]) * (there[j] - here[j]);
-                                expected[i][j] += errors * of_x * of_y * of_z;
-                            }
-                        }
-                    }
-                }
-            }
-            let body = Body::new(&space);
-            let (found, terms) = (body.covariance(), body.inertia_about_cg());
-            for i in 0..6 {
-                let std = terms[i].unwrap().std;
-                assert!((std * std - expected[i][i]).abs() < 1e-12, "{i}: {std}");
-                for j in 0..6 {
-                    let found = found[4 + i][4 + j].unwrap();
-                    assert!((found - expected[i][j]).abs() < 1e-12, "{i} {j}: {found}");
-                }
-            }
-        }
     }
 }

@@ -200,8 +200,7 @@ impl Identification {
 impl Workspace {
     /// Covariance of the ten numbers of the last identification in this workspace: mass (or Δ
     /// where the mass was known), three coordinates of the CG, and the six terms of inertia
-    /// about S. Those of the inertia have second moments of the CG's errors, `m r²`, beside the first order, which are to be
-    /// taken off before a derivative carries them to another point.
+    /// about S.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         derived::Body::new(self).covariance()

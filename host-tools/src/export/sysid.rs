@@ -8,7 +8,6 @@
 use super::body::Body;
 use super::{Export, ExportError, Form, Kind, View};
 use crate::frame::{Frame, tensor};
-use crate::identification::second_order;
 use crate::result::ResultDocument;
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3};
 use std::fmt::Write as _;
@@ -127,10 +126,6 @@ fn covariance(result: &ResultDocument, frame: &Frame) -> Option<(Matrix10, f64)>
         Some(matrix)
     };
     let mut matrix = of(result.covariance.as_ref())?;
-    // The pseudo-inertia is about the origin.
-    let centre = matrix.fixed_view::<3, 3>(1, 1).into_owned();
-    let mut inertia = matrix.fixed_view_mut::<6, 6>(4, 4);
-    inertia -= second_order(result.mass.value?, &centre);
     if result.covariance_type_b.is_some() {
         matrix += of(result.covariance_type_b.as_ref())?;
     }

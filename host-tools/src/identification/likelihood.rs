@@ -7,7 +7,6 @@ use super::notice::notice;
 use super::odd_run::OddRun;
 use super::plausible::plausibility;
 use super::refusal::refusal;
-use super::second_order::second_order;
 use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, TypeB, estimates};
 use crate::likelihood::{
     self, Covariance10, Doubt, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
@@ -402,10 +401,7 @@ fn identification(
 ) -> (Identification, massline_core::identify::Covariance) {
     let sigma = &fit.model.rigid;
     let (values, slopes) = numbers(sigma, &band.reference, known_mass);
-    let mut covariance = slopes * fit.covariance * slopes.transpose();
-    let centre = covariance.fixed_view::<3, 3>(1, 1).into_owned();
-    let mut inertia = covariance.fixed_view_mut::<6, 6>(4, 4);
-    inertia += second_order(known_mass.unwrap_or(values[0]), &centre);
+    let covariance = slopes * fit.covariance * slopes.transpose();
     let std = |variance: f64| variance.max(0.0).sqrt();
     let of = |i: usize, seen: bool| {
         seen.then(|| Estimate {

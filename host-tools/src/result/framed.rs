@@ -7,7 +7,7 @@
 //! theirs, which no correlation exceeds; a sum of one number has that number's to the last bit.
 
 use crate::frame::Frame;
-use crate::identification::{TERMS, TypeB, number as place, second_order};
+use crate::identification::{TypeB, number as place};
 use massline_core::identify::{Covariance, Estimate, Identification};
 use massline_core::masslines::FixedMode;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
@@ -147,7 +147,16 @@ fn covariance_about_a(i: &Identification, covariance: &Covariance) -> Option<Mat
         *slot = i.centre_of_gravity[k]?.value - i.reference[k];
     }
     let mut jacobian = SMatrix::<f64, 6, 10>::zeros();
-    for (row, pairs) in TERMS.into_iter().enumerate() {
+    // Each moment is a sum of two squares, each product one product of coordinates.
+    let terms: [&[(usize, usize)]; 6] = [
+        &[(1, 1), (2, 2)],
+        &[(0, 0), (2, 2)],
+        &[(0, 0), (1, 1)],
+        &[(0, 1)],
+        &[(0, 2)],
+        &[(1, 2)],
+    ];
+    for (row, pairs) in terms.into_iter().enumerate() {
         jacobian[(row, 4 + row)] = 1.0;
         for &(p, q) in pairs {
             // A mass that was weighed is exact, and Δ stands in its place.
@@ -164,9 +173,6 @@ fn covariance_about_a(i: &Identification, covariance: &Covariance) -> Option<Mat
             matrix[(row, column)] = (*entry)?;
         }
     }
-    let centre = matrix.fixed_view::<3, 3>(1, 1).into_owned();
-    let mut inertia = matrix.fixed_view_mut::<6, 6>(4, 4);
-    inertia -= second_order(mass, &centre);
     Some(jacobian * matrix * jacobian.transpose())
 }
 

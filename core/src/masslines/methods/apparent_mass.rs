@@ -17,7 +17,7 @@
 //! else close above the band.
 
 use crate::algebra::{multiply_left, multiply_right};
-use crate::cells::{cells, seen};
+use crate::cells::cells;
 use crate::geometry::{Equations, transfer};
 use crate::masslines::averaging::MIN_LINES;
 use crate::masslines::bands::Bands;
@@ -183,8 +183,8 @@ pub(in crate::masslines) fn apparent_mass<L: Lines + ?Sized, const PAIRS: usize>
     fit.noise_of_pairs(&mut set.pull);
     set.pull *= share;
     // The motion that goes with the pairs has a variance of its own, whatever share of their power they have left.
-    let independent = band.len() as f64 * fit.runs_of_noise(lines) / lines.correlation();
-    set.lines = (independent * share / turned) as f32;
+    let lines = (band.len() * lines.runs()) as f64 / lines.correlation();
+    set.lines = (lines * share / turned) as f32;
     set.freedom = fit.regression.freedom(fit.solution) as f32;
     fit.describe(poles, &basis, apparent_mass);
     Ok(())
@@ -439,30 +439,6 @@ impl<'l> Fit<'_, 'l> {
             self.regression.add(&m, phi, count);
         }
         self.regression.turn(None);
-    }
-
-    /// Number of runs over which the noise of the accelerations is summed, if all had as much of it as the one with most: a
-    /// direction may be that of this run alone. Of runs with weights of 0.03, 0.03 and 2.94 and the same noise it is one, and
-    /// a third of the sum was half of what turned the direction of the last.
-    #[inline(never)]
-    fn runs_of_noise<L: Lines + ?Sized>(&self, lines: &Moved<'_, L>) -> f64 {
-        let (mut all, mut most) = (0.0, 0.0_f64);
-        for run in 0..self.runs.min(MAX_RUNS) {
-            let mut weights = [0.0; MAX_RUNS];
-            cells(&mut weights[..])[run] = seen(&self.weights[..])[run];
-            let mut own = NO_MATRIX;
-            lines.accelerations_noise(&weights, &mut own);
-            let shares = own.diagonal().zip_map(&self.noise.diagonal(), |own, all| {
-                if all > 0.0 { own / all } else { 0.0 }
-            });
-            all += shares.sum();
-            most = most.max(shares.sum());
-        }
-        if most > 0.0 {
-            all / most
-        } else {
-            self.runs as f64
-        }
     }
 
     /// Of the noise, the pairs hold only what lies along the excited directions.
