@@ -11,7 +11,7 @@ use crate::algebra::{inverse_lower, larger, lower, multiply_right, not_negative,
 use crate::geometry::accelerometer_places;
 use nalgebra::Vector3;
 
-/// Share of its deviation beforehand, which is the mass itself, up to which the mass may rest on the bound.
+/// Share of its deviation beforehand, which is the mass itself, or one for Δ, up to which it may rest on the bound.
 ///
 /// A run along one oblique direction, below which the vertical forces are measured, is no measurement of the mass: with
 /// ten per cent, the bound told one of 43.7 kg to 38.7 ± 10.0 kg.

@@ -220,8 +220,8 @@ pub struct Masslines<const PAIRS: usize = MAX_PAIRS> {
     /// Second moments that noise really adds to those of the pairs. They pull what the
     /// accelerations multiply towards zero.
     pub(crate) pull: Matrix6<f64>,
-    /// Independent lines (or poses) that went into each pair, over all runs: the noise along directions that are not
-    /// excited is that of one, averaged over them.
+    /// Effective number of independent lines (or poses) over which the noise along directions that are not excited
+    /// averages out in each pair; it may be less than one.
     pub(crate) lines: f32,
     /// Degrees of freedom of the variances of the pairs; infinite where they are known.
     pub(crate) freedom: f32,

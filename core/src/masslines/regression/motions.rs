@@ -52,12 +52,12 @@ impl Regression {
             } else {
                 0.0
             };
-            for (mut column, share) in motions
+            for (mut column, part) in motions
                 .column_iter_mut()
                 .zip(along.iter().skip(nuisance))
                 .take(rank)
             {
-                column.axpy(*share, &motion, 1.0);
+                column.axpy(*part, &motion, 1.0);
             }
         }
         if coefficients == 0.0 {

@@ -39,9 +39,8 @@ pub struct Options {
     /// Draws a cell: a case at a level of noise by a method
     #[arg(long, value_name = "N", default_value_t = Self::default().draws)]
     pub draws: usize,
-    /// One case only; may be given several times [possible: fork, satellite, elastic, remounted,
-    /// sine, poses, no-drive, few-lines, unseen-modes, vertical-cells, twelve-blocks]
-    #[arg(long = "case", value_name = "NAME")]
+    /// Names of the cases; all of them if there is none.
+    #[arg(long = "case", value_name = "NAME", help = help_of_cases())]
     pub cases: Vec<String>,
     /// Levels of noise, each a share of a channel's RMS over all runs
     #[arg(long, value_name = "R,R,…", value_delimiter = ',', default_values_t = Self::default().noise)]
@@ -102,6 +101,12 @@ pub enum CoverageError {
         /// Reason.
         source: Box<TrialError>,
     },
+}
+
+/// Help of the option that takes names of cases.
+fn help_of_cases() -> String {
+    let names = case_names().join(", ");
+    format!("One case only; may be given several times [possible: {names}]")
 }
 
 /// Names of all cases.
