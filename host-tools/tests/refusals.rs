@@ -440,12 +440,25 @@ fn the_covariance_propagates_to_the_error_bars_about_the_reference_point() {
         for axis in 0..3 {
             near(c(1 + axis, 1 + axis), &d["centre_of_gravity"][axis]["std"]);
         }
+        let m = number(&d["mass"]["value"]);
         for (k, term) in rows[4..].iter().enumerate() {
-            near(c(4 + k, 4 + k), &d["inertia_cg"][term]["std"]);
+            // The second order is in the error bars alone: m² times the second moments of y² + z² and the like, and of xy
+            // and the like, for errors of the centre of gravity.
+            let pairs = [(2, 3), (1, 3), (1, 2), (1, 2), (1, 3), (2, 3)];
+            let (p, q) = pairs[k];
+            let (pp, qq, pq) = (c(p, p), c(q, q), c(p, q));
+            let second = if k < 3 {
+                2.0 * (pp * pp + qq * qq + 2.0 * pq * pq) + (pp + qq).powi(2)
+            } else {
+                pp * qq + 2.0 * pq * pq
+            };
+            near(
+                c(4 + k, 4 + k) + m * m * second,
+                &d["inertia_cg"][term]["std"],
+            );
         }
         // Θxx about A is Θxx about S and m (y² + z²), with A at the origin.
         assert_eq!(d["reference_point"], serde_json::json!([0.0, 0.0, 0.0]));
-        let m = number(&d["mass"]["value"]);
         let [y, z] = [1, 2].map(|k| number(&d["centre_of_gravity"][k]["value"]));
         let mut g = [0.0; 10];
         g[0] = if mass.is_some() { 0.0 } else { y * y + z * z };

@@ -200,7 +200,8 @@ impl Identification {
 impl Workspace {
     /// Covariance of the ten numbers of the last identification in this workspace: mass (or Δ
     /// where the mass was known), three coordinates of the CG, and the six terms of inertia
-    /// about S.
+    /// about S. It is of the first order, so that a derivative carries it to any point; the standard deviations of the
+    /// inertia about S have the second order of the CG's errors, too.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         derived::Body::new(self).covariance()

@@ -7,6 +7,7 @@ use super::notice::notice;
 use super::odd_run::OddRun;
 use super::plausible::plausibility;
 use super::refusal::refusal;
+use super::second_order::second_order;
 use super::{Answer, AnswerError, Choice, Judged, OnProgress, Session, TypeB, estimates};
 use crate::likelihood::{
     self, Covariance10, Doubt, Fit, Options, RIGID, Stage, bound, covariance_of, numbers,
@@ -402,11 +403,14 @@ fn identification(
     let sigma = &fit.model.rigid;
     let (values, slopes) = numbers(sigma, &band.reference, known_mass);
     let covariance = slopes * fit.covariance * slopes.transpose();
+    let centre = covariance.fixed_view::<3, 3>(1, 1).into_owned();
+    let bent = second_order(known_mass.unwrap_or(values[0]), &centre);
     let std = |variance: f64| variance.max(0.0).sqrt();
     let of = |i: usize, seen: bool| {
+        let second = if i < 4 { 0.0 } else { bent[(i - 4, i - 4)] };
         seen.then(|| Estimate {
             value: values[i],
-            std: std(covariance[(i, i)]),
+            std: std(covariance[(i, i)] + second),
         })
     };
     let mut found = *band;

@@ -15,6 +15,7 @@ mod plausible;
 mod predicted;
 mod recommended;
 mod refusal;
+mod second_order;
 mod statics;
 mod type_b;
 mod weights;
@@ -31,6 +32,7 @@ pub use odd_run::OddRun;
 pub use recommended::{LIKELIHOOD_PASSES, Wanted, recommended};
 pub use refusal::Refusal;
 pub(crate) use refusal::refusal;
+pub(crate) use second_order::{TERMS, with_second_order};
 pub use type_b::{Combined, Contribution, NUMBERS, TypeB, estimates, number};
 
 use crate::detective::{self, Findings, Undecided};

@@ -1,6 +1,7 @@
 //! Plausibility of a body with all that is known of its errors: the core judges by the noise of its
 //! own estimate, which knows neither type B uncertainty nor a fit of the host.
 
+use super::second_order::with_second_order;
 use super::type_b::{TypeB, number, together};
 use massline_core::identify::{Covariance, Estimate, Identification};
 use massline_core::rigid_body::{Margin, Plausibility, PrincipalInertia, Verdict};
@@ -16,6 +17,7 @@ pub(super) fn plausibility(
     covariance: &Covariance,
     type_b: Option<&TypeB>,
 ) -> Plausibility {
+    let covariance = &with_second_order(i.mass.map(|mass| mass.value), covariance);
     let half = |sum: &Sum| sum.half_width(i, covariance, type_b);
     let mass = i.mass.map(|mass| {
         let times = i.indicator.map_or(1.0, |delta| delta.value);

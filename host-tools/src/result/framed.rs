@@ -7,7 +7,7 @@
 //! theirs, which no correlation exceeds; a sum of one number has that number's to the last bit.
 
 use crate::frame::Frame;
-use crate::identification::{TypeB, number as place};
+use crate::identification::{TERMS, TypeB, number as place, with_second_order};
 use massline_core::identify::{Covariance, Estimate, Identification};
 use massline_core::masslines::FixedMode;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
@@ -22,7 +22,8 @@ pub(super) fn identification(
 ) -> Identification {
     let turn = frame.turn();
     let of_inertia = frame.turn_of_inertia();
-    let about_s = |j: usize, k: usize| covariance?[4 + j][4 + k];
+    let bent = covariance.map(|c| with_second_order(i.mass.map(|mass| mass.value), c));
+    let about_s = |j: usize, k: usize| bent?[4 + j][4 + k];
     let about_a = covariance.and_then(|c| covariance_about_a(i, c));
     let centre = sums(&turn, i.centre_of_gravity, |j, k| covariance?[1 + j][1 + k]);
     let shift = turn * Vector3::from(frame.origin);
@@ -147,16 +148,7 @@ fn covariance_about_a(i: &Identification, covariance: &Covariance) -> Option<Mat
         *slot = i.centre_of_gravity[k]?.value - i.reference[k];
     }
     let mut jacobian = SMatrix::<f64, 6, 10>::zeros();
-    // Each moment is a sum of two squares, each product one product of coordinates.
-    let terms: [&[(usize, usize)]; 6] = [
-        &[(1, 1), (2, 2)],
-        &[(0, 0), (2, 2)],
-        &[(0, 0), (1, 1)],
-        &[(0, 1)],
-        &[(0, 2)],
-        &[(1, 2)],
-    ];
-    for (row, pairs) in terms.into_iter().enumerate() {
+    for (row, pairs) in TERMS.into_iter().enumerate() {
         jacobian[(row, 4 + row)] = 1.0;
         for &(p, q) in pairs {
             // A mass that was weighed is exact, and Δ stands in its place.

@@ -39,6 +39,15 @@ const NOISE: f64 = 1e-3;
 /// The identification of the body from eight random accelerations, with noise drawn from `seed` or
 /// without any; the noise is known either way.
 fn identified(known_mass: Option<f64>, seed: Option<u64>) -> (Identification, Covariance) {
+    identified_with(NOISE, known_mass, seed)
+}
+
+/// The same with noise of this standard deviation.
+fn identified_with(
+    std: f64,
+    known_mass: Option<f64>,
+    seed: Option<u64>,
+) -> (Identification, Covariance) {
     let reference = Vector3::from(REFERENCE);
     let matrix = body().mass_matrix(&reference);
     let mut motion = ChaCha8Rng::seed_from_u64(4);
@@ -47,13 +56,13 @@ fn identified(known_mass: Option<f64>, seed: Option<u64>) -> (Identification, Co
         .map(|_| {
             let acceleration = Vector6::from_fn(|_, _| uniform(&mut motion));
             // Uniform from -1 to 1 has the variance of a third.
-            let error = Vector6::from_fn(|_, _| NOISE * 3.0_f64.sqrt() * uniform(&mut noise));
+            let error = Vector6::from_fn(|_, _| std * 3.0_f64.sqrt() * uniform(&mut noise));
             let error = if seed.is_some() {
                 error
             } else {
                 Vector6::zeros()
             };
-            let variance = Vector6::repeat(NOISE * NOISE);
+            let variance = Vector6::repeat(std * std);
             (acceleration, matrix * acceleration + error, variance)
         })
         .collect();
@@ -107,6 +116,23 @@ const FRAMES: [([f64; 3], [f64; 3]); 4] = [
     ([-170.0, 12.0, 1.0], [-3.0, 0.1, 0.2]),
 ];
 
+/// With a centre of gravity that is hardly told, a thousandth of a degree changes no error bar by more than that
+/// rotation has of another: the second order is in those about S of any frame, and of no other point.
+#[test]
+fn a_frame_turned_by_little_keeps_wide_error_bars() {
+    for known_mass in [None, Some(body().mass)] {
+        let (found, covariance) = identified_with(2.5, known_mass, None);
+        let centre = found.centre_of_gravity[2].unwrap().std;
+        assert!(centre > 0.2, "{centre}");
+        let frame = turned([1e-3, -1e-3, 1e-3], [0.0; 3]);
+        let framed = identification(&frame, &found, Some(&covariance));
+        for (k, (a, b)) in numbers(&found).iter().zip(numbers(&framed)).enumerate() {
+            let ratio = b.std / a.std;
+            assert!((ratio - 1.0).abs() < 1e-3, "{known_mass:?} {k}: {ratio}");
+        }
+    }
+}
+
 /// Values by the textbook, standard deviations by its derivative in finite differences.
 #[test]
 fn numbers_and_deviations_are_those_of_the_textbook() {
@@ -134,7 +160,14 @@ fn numbers_and_deviations_are_those_of_the_textbook() {
                 jacobian.set_column(column, &slope);
             }
             let matrix = Matrix10::from_fn(|i, j| covariance[i][j].unwrap());
-            let expected = jacobian * matrix * jacobian.transpose();
+            let mut expected = jacobian * matrix * jacobian.transpose();
+            // The second order of the inertia about S is in the standard deviations alone.
+            let turned = super::covariance(&frame, &covariance);
+            let bent = with_second_order(Some(body().mass), &turned);
+            for k in 0..6 {
+                expected[(9 + k, 9 + k)] +=
+                    bent[4 + k][4 + k].unwrap() - turned[4 + k][4 + k].unwrap();
+            }
             for (k, number) in numbers(&framed).iter().enumerate() {
                 // The solve of a system of condition 1e3 or so with numbers of order 100.
                 assert!(
@@ -174,13 +207,16 @@ fn deviations_are_the_scatter_of_noisy_draws() {
     }
 }
 
-/// The covariance of the framed numbers is that of the document's rows.
+/// The covariance of the framed numbers is that of the document's rows, with the second order about S.
 #[test]
 fn the_covariance_fits_the_deviations() {
     let frame = turned([30.0, -70.0, 110.0], [0.5, -7.0, 2.0]);
     let (found, matrix) = identified(None, None);
     let framed = numbers(&identification(&frame, &found, Some(&matrix)));
-    let matrix = covariance(&frame, &matrix);
+    let matrix = with_second_order(
+        Some(found.mass.unwrap().value),
+        &covariance(&frame, &matrix),
+    );
     for k in 0..3 {
         let ratio = matrix[1 + k][1 + k].unwrap().sqrt() / framed[k].std;
         assert!((ratio - 1.0).abs() < 1e-12, "{ratio}");

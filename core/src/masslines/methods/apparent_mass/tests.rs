@@ -1,4 +1,6 @@
 use super::*;
+use crate::geometry::ResultantNoise;
+use crate::masslines::lines::Amplitudes;
 use crate::modes::Resonance;
 
 /// The terms times their shares are what the resonances say of the apparent mass, about its value without them, where
@@ -54,4 +56,77 @@ fn a_pseudo_mode_without_a_flank_stands_above_the_band() {
     };
     assert_eq!((pole.frequency, pole.damping), (30.0, 0.0));
     assert_eq!(basis.shares(&resonances)[1], 0.0);
+}
+
+/// Runs whose accelerometers have such noise, of which no line is asked for.
+struct Noises([f64; 3]);
+
+impl Lines for Noises {
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn frequency(&self, _line: usize) -> f64 {
+        1.0
+    }
+
+    fn runs(&self) -> usize {
+        self.0.len()
+    }
+
+    fn add_moments(&self, _run: usize, _line: usize, _weight: f64, _into: &mut Moments) {}
+
+    fn noise(&self, run: usize) -> ResultantNoise {
+        ResultantNoise {
+            acceleration: Matrix6::identity() * self.0[run],
+            ..ResultantNoise::default()
+        }
+    }
+}
+
+impl Internals for Noises {
+    fn equations_per_line(&self, _run: usize) -> f64 {
+        1.0
+    }
+
+    fn correlation(&self) -> f64 {
+        1.0
+    }
+
+    fn pair(&self, _run: usize, _line: usize) -> Option<Amplitudes> {
+        None
+    }
+}
+
+/// The noise is that of three runs if all have as much of it, and that of one which alone has any.
+#[test]
+fn runs_count_by_the_noise_that_they_have() {
+    let third = 3.0 / 2.94;
+    for (weights, noises, expected) in [
+        ([1.0, 1.0, 1.0], [1.0, 1.0, 1.0], 3.0),
+        ([0.03, 0.03, 2.94], [1.0, 1.0, 1.0], third),
+        ([1.0, 4.0, 0.25], [1.0, 0.25, 4.0], 3.0),
+        ([1.0, 1.0, 1.0], [0.0, 0.0, 2.0], 1.0),
+        ([1.0, 1.0, 1.0], [0.0, 0.0, 0.0], 3.0),
+    ] {
+        let mut space = Workspace::EMPTY;
+        let mut alike = [0.0; MAX_RUNS];
+        alike[..3].copy_from_slice(&weights);
+        let fit = Fit {
+            regression: &mut space.regression,
+            candidate: &mut space.candidate,
+            solution: &mut space.best,
+            residuals: &mut space.residuals,
+            weights: alike,
+            runs: 3,
+            noise: NO_MATRIX,
+            power: Vector6::zeros(),
+            columns: None,
+        };
+        let found = fit.runs_of_noise(&Noises(noises));
+        assert!(
+            (found - expected).abs() < 1e-12,
+            "{weights:?} {noises:?}: {found}"
+        );
+    }
 }
