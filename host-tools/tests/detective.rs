@@ -483,6 +483,75 @@ fn an_inverted_load_cell_under_three_mountings() {
     }
 }
 
+/// The satellite's set-up with the readings of its run about x changed, channel by channel, in a file of their own.
+fn spoilt(folder: &Path, change: impl Fn(&str, f64) -> f64) -> Setup {
+    let mut setup = setup();
+    let run = setup.runs.iter_mut().find(|run| run.name == "about X");
+    let run = run.unwrap();
+    let text = std::fs::read_to_string(SATELLITE.path().join(&run.recording)).unwrap();
+    let mut lines = text.lines();
+    let header = lines.next().unwrap();
+    let channels: Vec<&str> = header.split(',').collect();
+    let mut changed = header.to_owned();
+    for line in lines {
+        let values = line.split(',').zip(&channels);
+        let values = values.map(|(x, channel)| change(channel, x.parse().unwrap()).to_string());
+        changed.push('\n');
+        changed.push_str(&values.collect::<Vec<_>>().join(","));
+    }
+    run.recording = folder.join("about-x.csv");
+    run.checksum = None;
+    std::fs::write(&run.recording, changed).unwrap();
+    setup
+}
+
+/// Cables that were exchanged or amplifiers that were set anew between two runs are a fault of no sensor.
+#[test]
+fn a_fault_of_one_run_is_said_of_that_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let inverted = |which: &'static str| {
+        spoilt(folder.path(), move |channel, x| {
+            match channel.starts_with(which) {
+                true => -x,
+                false => x,
+            }
+        })
+    };
+    let in_g = spoilt(folder.path(), |channel, x| {
+        let is_force = channel.starts_with("cell") || channel == "drive";
+        if is_force { x } else { x / 9.80665 }
+    });
+    let findings = examine(&in_g);
+    let mut cases = vec![(findings, "as if its accelerations were in g")];
+    for (which, words) in [
+        (
+            "cell",
+            "in it all load cells, or all accelerometers, have the other sign",
+        ),
+        ("base1.z", "in it `base1.z` has the other sign"),
+        ("cell1.z", "in it `cell1.z` has the other sign"),
+    ] {
+        cases.push((examine(&inverted(which)), words));
+    }
+    for (findings, words) in cases {
+        let [one] = findings.whole.as_slice() else {
+            panic!("{words}: {findings:?}");
+        };
+        assert_eq!(one.fault, WholeFault::RunApart);
+        assert!(
+            one.text
+                .starts_with("run \"about X\" contradicts the others"),
+            "{one:?}"
+        );
+        assert!(one.text.contains(words), "{words}: {one:?}");
+        assert!(
+            findings.suspects.is_empty() && !findings.clean(),
+            "{words}: {findings:?}"
+        );
+        assert!(!findings.more_is_wrong(), "{words}: {findings:?}");
+    }
+}
+
 /// Exit code 1 where nothing can be answered, and the lines on stdout.
 #[test]
 fn the_command_refuses_what_it_names() {
@@ -522,26 +591,31 @@ fn the_command_refuses_what_it_names() {
             assert_eq!(said.contains("scale = 1"), command == "check", "{said}");
         }
     }
-    // Positions in mm leave every number but the mass wrong, and the mass itself consistent.
-    let millimetres = clean.replace("reference_point", "length_unit = \"m\"\nreference_point");
-    let millimetres = millimetres
-        .lines()
-        .map(|line| match line.strip_prefix("position = [") {
+    // Positions in another unit leave every number but the mass wrong, and the mass itself consistent.
+    let metres = clean.replace("reference_point", "length_unit = \"m\"\nreference_point");
+    for (factor, words) in [
+        (1000.0, "positions are in millimetres"),
+        (0.001, "positions are too small"),
+    ] {
+        let scaled = |line: &str| match line.strip_prefix("position = [") {
             Some(numbers) => {
                 let numbers = numbers.trim_end_matches(']').split(", ");
-                let scaled = numbers.map(|x| (1000.0 * x.parse::<f64>().unwrap()).to_string());
+                let scaled = numbers.map(|x| (factor * x.parse::<f64>().unwrap()).to_string());
                 format!("position = [{}]", scaled.collect::<Vec<_>>().join(", "))
             }
             None => line.to_owned(),
-        })
-        .collect::<Vec<_>>()
-        .join("\n");
-    std::fs::write(&path, millimetres).unwrap();
-    let output = bench::massline(folder.path(), ["check", "setup.toml"]);
-    assert_eq!(output.code, Some(1));
-    let output = bench::massline(folder.path(), ["identify", "setup.toml"]);
-    let said = output.stderr;
-    assert!(said.contains("positions are in millimetres"), "{said}");
+        };
+        let lines: Vec<String> = metres.lines().map(scaled).collect();
+        std::fs::write(&path, lines.join("\n")).unwrap();
+        for command in ["check", "identify"] {
+            let output = bench::massline(folder.path(), [command, "setup.toml"]);
+            assert_eq!(output.code, Some(1), "{command} {factor}");
+            let said = output.stdout + &output.stderr;
+            assert!(said.contains(words), "{command}: {said}");
+            let refused = said.contains("no body has the density");
+            assert_eq!(refused, command == "identify", "{command}: {said}");
+        }
+    }
 }
 
 /// Before the test: what six axes leave, and what one axis leaves beside it.

@@ -113,9 +113,9 @@ pub(super) fn notes(findings: &Findings) -> Vec<String> {
         .filter(|w| w.fault != WholeFault::NoUnit);
     notes.extend(told.map(|w| w.text.clone()));
     if !findings.suspects.is_empty() || findings.more_is_wrong() {
-        let check = match findings.suspects.is_empty() {
-            true => "`massline check` says more",
-            false => "`massline check` prints the lines that mend the setup",
+        let check = match findings.mends() {
+            false => "`massline check` says more",
+            true => "`massline check` prints the lines that mend the setup",
         };
         notes.push(format!("{}; {check}", findings.evidence()));
     }

@@ -263,9 +263,7 @@ pub(super) fn with_progress(
         let findings = doubtful.then(|| session.examine(progress).ok()).flatten();
         let findings = findings.filter(|findings| !findings.clean());
         if let Some(culprits) = findings.as_ref().and_then(Findings::culprits) {
-            let mends = (findings.iter().flat_map(|f| &f.suspects))
-                .all(|suspect| suspect.explanations.iter().any(|e| !e.repair.is_empty()));
-            let remedy = if mends {
+            let remedy = if findings.as_ref().is_some_and(Findings::mends) {
                 format!("{culprits}; `massline check` prints the lines that mend the setup")
             } else {
                 culprits
@@ -285,6 +283,13 @@ pub(super) fn with_progress(
                     remedy,
                 });
             }
+        }
+        // Positions in another unit contradict nothing: centre of gravity and inertia are wrong by powers of it.
+        if let Some(whole) = findings.as_ref().and_then(Findings::impossible) {
+            answer.refused.get_or_insert_with(|| Refusal {
+                fact: "no body has the density that the positions of the sensors say".to_owned(),
+                remedy: whole.text.clone(),
+            });
         }
         // Of poses no error bar holds what sensors differ by.
         if let Some(findings) = &findings

@@ -4,7 +4,7 @@
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 
 use super::hypothesis::outlying;
-use super::model::{Bench, Mounting, equations};
+use super::model::{Bench, Mounting, Score, equations};
 use super::search::{CONTRADICTS, Found, search};
 use super::sensor::{Kind, Sensor};
 use super::state::{Rows, State};
@@ -124,7 +124,8 @@ struct Way {
     poses: Vec<usize>,
 }
 
-fn ways(setup: &Setup, measurement: &Measurement) -> Vec<Way> {
+/// The ways in which the specimen is mounted in those runs of the set-up that are wanted.
+fn ways(setup: &Setup, measurement: &Measurement, wanted: &dyn Fn(usize) -> bool) -> Vec<Way> {
     let mut ways: Vec<Way> = Vec::new();
     let mut counts = [0; 2];
     for (number, run) in setup.runs.iter().enumerate() {
@@ -144,14 +145,16 @@ fn ways(setup: &Setup, measurement: &Measurement) -> Vec<Way> {
             // With several drives one run of the set-up is several of the measurement.
             Excitation::Random => {
                 let measured = measurement.runs.iter().enumerate();
-                let of = measured.filter(|(_, m)| m.number == number);
+                let of = measured.filter(|(_, m)| m.number == number && wanted(number));
                 way.random.extend(of.map(|(index, _)| index));
                 continue;
             }
             Excitation::Sine => (&mut counts[0], &mut way.sines),
             Excitation::Static => (&mut counts[1], &mut way.poses),
         };
-        list.push(*count);
+        if wanted(number) {
+            list.push(*count);
+        }
         *count += 1;
     }
     ways
@@ -310,6 +313,19 @@ impl Evidence {
         measurement: &Measurement,
         channels: &Channels,
     ) -> Result<Self, Undecided> {
+        Self::of_runs(setup, measurement, channels, &|_| true)
+    }
+
+    /// The evidence of those runs of the set-up that are wanted, by their number.
+    ///
+    /// # Errors
+    /// [`Undecided`].
+    pub(super) fn of_runs(
+        setup: &Setup,
+        measurement: &Measurement,
+        channels: &Channels,
+        wanted: &dyn Fn(usize) -> bool,
+    ) -> Result<Self, Undecided> {
         let scales: Vec<f64> = setup
             .accelerometers
             .iter()
@@ -324,7 +340,7 @@ impl Evidence {
         };
         let highest = runs.highest();
         let mut mountings = Vec::new();
-        for way in ways(setup, measurement) {
+        for way in ways(setup, measurement, wanted) {
             let translation = Vector3::from(way.translation);
             let rotation = Placement::new(Vector3::from(way.rotation), translation)
                 .map_err(|_| Undecided::Placement)?
@@ -384,6 +400,14 @@ impl Evidence {
             weighed,
             delays: Vec::new(),
         }
+    }
+
+    /// This evidence and that of another run of the same sensors, as if it were mounted anew.
+    pub(super) fn beside(&self, other: &Self) -> Self {
+        let mut both = self.clone();
+        both.mountings.extend(other.mountings.iter().cloned());
+        both.quiet.retain(|channel| other.quiet.contains(channel));
+        both
     }
 
     #[cfg(test)]
@@ -499,11 +523,14 @@ impl Evidence {
 
     /// `true` if some channels are late, or the set-up as it is contradicts itself.
     pub(super) fn is_contradicted(&self) -> bool {
-        let score = || {
-            let (state, bench) = self.state(&self.sensors, &[])?;
-            bench.score(&state, 1.0)
-        };
-        !self.delays.is_empty() || score().is_some_and(|score| score.ratio() > CONTRADICTS)
+        let contradicts = |score: Score| score.ratio() > CONTRADICTS;
+        !self.delays.is_empty() || self.score().is_some_and(contradicts)
+    }
+
+    /// Contradiction of the set-up as it is.
+    pub(super) fn score(&self) -> Option<Score> {
+        let (state, bench) = self.state(&self.sensors, &[])?;
+        bench.score(&state, 1.0)
     }
 
     /// Contradiction of the accelerometers on the interface and the load cells alone.

@@ -149,10 +149,10 @@ pub(super) const FACTORS: [f64; 10] = [
 ];
 
 /// Units of all accelerometers that people mix up: g, mm/s².
-const OF_MOTION: [f64; 2] = [1.0 / STANDARD_GRAVITY, 1000.0];
+pub(super) const OF_MOTION: [f64; 2] = [1.0 / STANDARD_GRAVITY, 1000.0];
 /// Units of all load cells that people mix up: kgf, kN, mN, lbf, and lost factors. None is so near to one
 /// of all accelerometers that a weighed mass does not tell them apart.
-const OF_FORCE: [f64; 8] = [
+pub(super) const OF_FORCE: [f64; 8] = [
     1.0 / STANDARD_GRAVITY,
     0.001,
     1000.0,
@@ -395,6 +395,16 @@ fn positions(sensors: &[Sensor], places: &[Vec<usize>]) -> Vec<Fault> {
 }
 
 impl Fault {
+    /// `false` of a channel that contradicts all others in a way that is none of the usual mistakes.
+    pub(super) fn is_usual(&self) -> bool {
+        !matches!(self, Self::Unlisted { .. })
+    }
+
+    /// `true` of a channel without a signal, which needs no other explanation.
+    pub(super) fn is_dead(&self) -> bool {
+        matches!(self, Self::Dead { .. })
+    }
+
     /// Changes sensors and rows to what they would be without the fault.
     pub(super) fn repair(&self, state: &mut State) {
         let scale = |state: &mut State, channel: usize, factor: f64| {

@@ -21,6 +21,7 @@
 //! | `untold` | faults that these runs would not show |
 //! | `plan` | faults that a test cannot show, from the set-up alone |
 //! | `whole` | what is wrong with all sensors together |
+//! | `runs` | a run that contradicts all others |
 //! | `wording` | faults in words, and as lines of the set-up |
 //!
 //! # Limits
@@ -39,6 +40,7 @@ mod hypothesis;
 mod mend;
 mod model;
 mod plan;
+mod runs;
 mod search;
 mod sensor;
 mod state;
@@ -57,7 +59,7 @@ pub use whole::{Whole, WholeFault};
 use crate::measure::{Channels, Measurement};
 use crate::setup::Setup;
 use evidence::Evidence;
-use search::{CONTRADICTS, Found};
+use search::{CONTRADICTS, Candidate, Found};
 
 /// Reason why nothing can be said of a set-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -134,17 +136,25 @@ impl Findings {
     /// The faults that explain all of the contradiction, in words; `None` where something is left of it.
     #[must_use]
     pub fn culprits(&self) -> Option<String> {
-        let explains = !self.suspects.is_empty() && !self.more_is_wrong();
+        let of_run = self.whole.iter().any(|w| w.fault == WholeFault::RunApart);
+        let explains = (!self.suspects.is_empty() || of_run) && !self.more_is_wrong();
         let words = |suspect: &Suspect| {
             let all: Vec<&str> = suspect.explanations.iter().map(|e| &*e.text).collect();
             all.join(", or ")
         };
         explains.then(|| {
-            let weighed = |w: &&Whole| w.fault == WholeFault::Weighed;
-            let mass = self.whole.iter().filter(weighed).map(|w| w.text.clone());
-            let all = self.suspects.iter().map(words).chain(mass);
+            let other = |w: &&Whole| matches!(w.fault, WholeFault::Weighed | WholeFault::RunApart);
+            let others = self.whole.iter().filter(other).map(|w| w.text.clone());
+            let all = self.suspects.iter().map(words).chain(others);
             all.collect::<Vec<_>>().join("; ")
         })
+    }
+
+    /// `true` if lines of the set-up mend each of the suspects.
+    #[must_use]
+    pub fn mends(&self) -> bool {
+        let mends = |s: &Suspect| s.explanations.iter().any(|e| !e.repair.is_empty());
+        !self.suspects.is_empty() && self.suspects.iter().all(mends)
     }
 
     /// The evidence in words.
@@ -184,6 +194,12 @@ impl Findings {
         best.any(|explanation| explanation.fault.is_whole())
     }
 
+    /// The fault of the whole set-up with which no body can be as it says; `None` without one.
+    #[must_use]
+    pub fn impossible(&self) -> Option<&Whole> {
+        self.whole.iter().find(|whole| whole.impossible)
+    }
+
     /// `true` if nothing was found.
     #[must_use]
     pub fn clean(&self) -> bool {
@@ -212,6 +228,21 @@ pub(crate) fn examine(
             found.after = alone.after;
         }
     }
+    // A usual fault of a sensor explains more than a run does.
+    let usual = |all: &Vec<Candidate>| all.first().is_some_and(|c| c.fault.is_usual());
+    let explained = found.after.ratio() <= CONTRADICTS && found.named.iter().all(usual);
+    let apart = (!explained)
+        .then(|| runs::apart(setup, measurement, channels))
+        .flatten();
+    if let Some(apart) = &apart
+        && (apart.explained || found.after.ratio() > CONTRADICTS)
+    {
+        found
+            .named
+            .retain(|all| matches!(&all[..], [one] if one.fault.is_dead()));
+        found.after = apart.others.after.clone();
+        found.untold = apart.others.untold.clone();
+    }
     let mut suspects: Vec<Suspect> = found
         .named
         .iter()
@@ -229,16 +260,7 @@ pub(crate) fn examine(
         .collect();
     let mut nearest = Vec::new();
     if found.after.ratio() > CONTRADICTS {
-        // A channel without a signal needs no other explanation.
-        let dead = |s: &Suspect| {
-            matches!(
-                s.explanations[..],
-                [Explanation {
-                    fault: Fault::Dead { .. },
-                    ..
-                }]
-            )
-        };
+        let dead = |s: &Suspect| matches!(&s.explanations[..], [one] if one.fault.is_dead());
         let best = |s: &Suspect| s.explanations.first().map(|e| e.text.clone());
         nearest = suspects
             .iter()
@@ -254,6 +276,7 @@ pub(crate) fn examine(
         whole: whole::judge(setup, &evidence, &found, measurement.units_in_recordings)
             .into_iter()
             .chain(weighed)
+            .chain(apart.map(|apart| apart.whole))
             .collect(),
         contradiction: found.before.ratio(),
         repaired: found.after.ratio(),
@@ -278,8 +301,7 @@ fn alone(evidence: &Evidence, found: &Found) -> Option<Found> {
         return None;
     }
     let without = evidence.without_mass();
-    let (state, bench) = without.state(&without.sensors, &[])?;
-    if bench.score(&state, 1.0)?.ratio() > CONTRADICTS {
+    if without.score()?.ratio() > CONTRADICTS {
         // A search would only name faults of sensors.
         return None;
     }

@@ -14,7 +14,7 @@ const TOLERANCES: [f64; 2] = [0.1, 1.0];
 /// Hypotheses that are looked at again with the tolerance that fits.
 const SECOND: usize = 80;
 /// Faults that explain this much less than the best are as likely.
-const TIE: f64 = 9.0;
+pub(super) const TIE: f64 = 9.0;
 /// Factor that leaves nothing of a reading.
 const SILENCE: f64 = 1e6;
 /// Factor of a reading below which its repair may swamp all others.
@@ -257,13 +257,13 @@ fn single(bench: &Bench, state: &State, quiet: &[usize]) -> Option<(Vec<Candidat
         return None;
     }
     // A fault without a name is one only where the set-up is contradicted as a whole.
-    let unlisted = |c: &Candidate| matches!(c.fault, Fault::Unlisted { .. });
+    let unlisted = |c: &Candidate| !c.fault.is_usual();
     if unlisted(&best) && now.ratio() <= CONTRADICTS {
         return None;
     }
     let mut ties: Vec<Candidate> = Vec::new();
     // A channel without a signal is seen by itself, which no other fault explains.
-    let dead = matches!(best.fault, Fault::Dead { .. });
+    let dead = best.fault.is_dead();
     for c in second.iter().skip(1) {
         let near = c.score < best.score + TIE && !generalises(c, &best);
         let rival = || {
@@ -398,8 +398,10 @@ impl Given<'_> {
             let Some((second, after)) = single(&mended.bench, &mended.state, &mended.quiet) else {
                 continue;
             };
-            let unlisted = matches!(second[0].fault, Fault::Unlisted { .. });
-            if unlisted || overlap(&first.fault, &second[0].fault) || after.ratio() > CONTRADICTS {
+            if !second[0].fault.is_usual()
+                || overlap(&first.fault, &second[0].fault)
+                || after.ratio() > CONTRADICTS
+            {
                 continue;
             }
             // What both are charged for, with what they leave.
@@ -463,9 +465,8 @@ pub(super) fn search(
         found.named.push(candidates);
         (found.after, mended) = (after, next);
     }
-    let unlisted = |f: &Fault| matches!(f, Fault::Unlisted { .. });
     let unexplained = |after: &Score, faults: &[Fault]| {
-        after.ratio() > CONTRADICTS || faults.iter().any(unlisted)
+        after.ratio() > CONTRADICTS || !faults.iter().all(Fault::is_usual)
     };
     if unexplained(&found.after, &faults)
         && let Some((exchanged, after)) = given.exchange()

@@ -18,6 +18,11 @@ const LIGHTEST: f64 = 0.01;
 const DENSE: f64 = 1000.0;
 /// Density above which positions are too small, kg/m³: osmium, weighed in accelerations that are in g.
 const HEAVIEST: f64 = 22_590.0 * STANDARD_GRAVITY;
+/// Density below which no body is as light, kg/m³: the densest, weighed in accelerations that are in g and with positions in mm.
+const LIGHTER_THAN_ANY: f64 = HEAVIEST * 1e-9;
+/// Density above which no interface is as small under a body, kg/m³: load cells and accelerometers 5 cm apart under a tonne
+/// make a tenth of that, and a body of 1 kg/m³ whose positions are in km makes ten times that.
+const DENSER_THAN_ANY: f64 = 1e8;
 /// Distance of the reference point from the sensors over the largest between these, above which
 /// the point is taken for a mistake.
 const FAR: f64 = 10.0;
@@ -43,6 +48,8 @@ pub enum WholeFault {
     NoUnit,
     /// The weighed mass contradicts sensors that agree without it.
     Weighed,
+    /// One run contradicts all others, which agree without it.
+    RunApart,
 }
 
 impl WholeFault {
@@ -57,6 +64,7 @@ impl WholeFault {
             Self::PerhapsInG => "perhaps-all-in-g",
             Self::NoUnit => "no-unit",
             Self::Weighed => "weighed",
+            Self::RunApart => "run-apart",
         }
     }
 }
@@ -72,15 +80,18 @@ pub struct Whole {
     pub text: String,
     /// Lines of the set-up that mend it; empty where none do.
     pub repair: Vec<String>,
+    /// `true` if no body can be as the set-up says, so that its numbers must not be believed.
+    pub impossible: bool,
 }
 
 impl Whole {
-    fn new(fault: WholeFault, text: String) -> Self {
+    pub(super) fn new(fault: WholeFault, text: String) -> Self {
         Self {
             fault,
             channels: Vec::new(),
             text,
             repair: Vec::new(),
+            impossible: false,
         }
     }
 }
@@ -114,6 +125,7 @@ pub(super) fn judge(
     if density < LIGHTEST {
         all.push(Whole {
             repair: vec!["length_unit = \"mm\"".to_owned()],
+            impossible: density < LIGHTER_THAN_ANY,
             ..Whole::new(
                 WholeFault::Millimetres,
                 format!(
@@ -124,14 +136,17 @@ pub(super) fn judge(
             )
         });
     } else if density > HEAVIEST {
-        all.push(Whole::new(
-            WholeFault::TooSmall,
-            format!(
-                "positions are too small: {} kg in the cube that the sensors span are {} kg/m³, more than any matter has, also if the accelerometers were in g. Are they in m, and `length_unit` says another unit?",
-                plain(mass, 4),
-                plain(density, 2)
-            ),
-        ));
+        all.push(Whole {
+            impossible: density > DENSER_THAN_ANY,
+            ..Whole::new(
+                WholeFault::TooSmall,
+                format!(
+                    "positions are too small: {} kg in the cube that the sensors span are {} kg/m³, more than any matter has, also if the accelerometers were in g. Are they in m, and `length_unit` says another unit?",
+                    plain(mass, 4),
+                    plain(density, 2)
+                ),
+            )
+        });
     } else if setup.known_mass.is_none() && density > DENSE {
         let lines = |c| wording::scaled(setup, evidence, c, STANDARD_GRAVITY);
         all.push(Whole {

@@ -57,13 +57,17 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
         let position = |f: &Spoilt| matches!(f, Spoilt::Position(..));
         let right = faults.iter().any(|f| f.is_told_by(std::slice::from_ref(w)));
         match w.fault {
-            WholeFault::PerhapsInG | WholeFault::NoUnit | WholeFault::Weighed => false,
+            WholeFault::PerhapsInG
+            | WholeFault::NoUnit
+            | WholeFault::Weighed
+            | WholeFault::RunApart => false,
             WholeFault::Outlying => !faults.iter().any(position),
             WholeFault::ReferencePoint => !faults.contains(&Spoilt::Millimetres),
             _ => !right,
         }
     };
     wrong |= found.whole.iter().any(accuses);
+    let of_run = |w: &Whole| w.fault == WholeFault::RunApart;
     let count = told.iter().filter(|t| **t).count();
     if wrong {
         Outcome::Wrong
@@ -78,7 +82,7 @@ pub(super) fn outcome(setup: &Setup, faults: &[Spoilt], found: Option<&Findings>
         Outcome::Half
     } else if sensor {
         Outcome::Sensor
-    } else if found.more_is_wrong() {
+    } else if found.more_is_wrong() || found.whole.iter().any(of_run) {
         Outcome::Unnamed
     } else {
         Outcome::Silent

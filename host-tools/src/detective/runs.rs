@@ -1,0 +1,192 @@
+//! Step 6: a run that contradicts all others, which agree without it. Between runs cables are patched, amplifiers set and
+//! specimens mounted anew, and what went wrong there is a fault of no sensor.
+
+use super::Fault;
+use super::evidence::Evidence;
+use super::hypothesis::{FACTORS, OF_FORCE, OF_MOTION, places};
+use super::model::Mass;
+use super::search::{CONTRADICTS, Found, TIE};
+use super::state::State;
+use super::whole::{Whole, WholeFault};
+use super::wording;
+use crate::format::plain;
+use crate::measure::{Channels, Measurement};
+use crate::setup::{STANDARD_GRAVITY, Setup};
+
+/// Standard deviation of a mass, as a share of it, above which a run does not tell it.
+const UNTOLD: f64 = 0.1;
+/// Difference of two masses, as the logarithm of their ratio, up to which they may be the same.
+const SAME: f64 = 0.2;
+/// The same of a ratio of units.
+const UNIT: f64 = 0.1;
+
+/// Faults of one run that are said.
+const SAID: usize = 3;
+/// What to do with a run in which no usual fault is found.
+const GENERAL: &str = "compare its cables, units, sensors and mounting with theirs, or leave it out; or a sensor that hardly moves in others is wrong";
+
+/// A run apart.
+pub(super) struct Apart {
+    /// What is to be said of it.
+    pub(super) whole: Whole,
+    /// The findings of all other runs.
+    pub(super) others: Found,
+    /// `true` if a usual fault in this run mends it, so that no sensor of all runs has to be wrong.
+    pub(super) explained: bool,
+}
+
+/// The run without which the set-up contradicts nothing; `None` where it is none, or several are.
+pub(super) fn apart(
+    setup: &Setup,
+    measurement: &Measurement,
+    channels: &Channels,
+) -> Option<Apart> {
+    let count = setup.runs.len();
+    let of = |wanted: &dyn Fn(usize) -> bool| {
+        Evidence::of_runs(setup, measurement, channels, wanted).ok()
+    };
+    let mut sound = (0..count).filter_map(|run| {
+        let others = of(&|other| other != run)?;
+        let agree = others.score()?.ratio() <= CONTRADICTS;
+        agree.then_some((run, others))
+    });
+    let (run, others) = sound.next()?;
+    if sound.next().is_some() {
+        return None;
+    }
+    let own = of(&|other| other == run)?;
+    let of_others = others.search().ok()?;
+    let mends = mends(&others, &own);
+    let explained = !mends.is_empty();
+    let what = match &mends[..] {
+        [] => (own.search().ok())
+            .and_then(|alone| difference(alone.after.mass?, of_others.after.mass?))
+            .unwrap_or_else(|| GENERAL.to_owned()),
+        all => {
+            let said = all.iter().take(SAID);
+            let said: Vec<String> = said.map(|f| wording::text(setup, f)).collect();
+            let more = match all.len().saturating_sub(SAID) {
+                0 => String::new(),
+                more => format!(", or one of {more} others"),
+            };
+            format!("in it {}{more}", said.join(", or "))
+        }
+    };
+    let text = format!(
+        "run \"{}\" contradicts the others, which agree without it within {} times what usual differences explain: {what}",
+        setup.runs[run].name,
+        plain(of_others.before.ratio().sqrt(), 2)
+    );
+    Some(Apart {
+        whole: Whole::new(WholeFault::RunApart, text),
+        others: of_others,
+        explained,
+    })
+}
+
+/// The changes of one run after which it agrees with the others, the plainest first.
+fn mends(others: &Evidence, own: &Evidence) -> Vec<Fault> {
+    let count = own
+        .state(&own.sensors, &[])
+        .map_or(0, |(state, _)| state.mountings.len());
+    let Some((state, bench)) = others.beside(own).state(&own.sensors, &[]) else {
+        return Vec::new();
+    };
+    let Some(before) = bench.score(&state, 1.0) else {
+        return Vec::new();
+    };
+    let first = state.mountings.len() - count;
+    let mut found: Vec<(f64, Fault)> = changes(own)
+        .into_iter()
+        .filter_map(|fault| {
+            let score = bench.score(&mended(&state, first, &fault), 1.0)?;
+            // A change that leaves less to compare explains nothing.
+            let agrees = score.ratio() <= CONTRADICTS && score.freedom >= before.freedom;
+            agrees.then_some((score.chi2, fault))
+        })
+        .collect();
+    found.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let best = found.first().map_or(0.0, |(chi2, _)| *chi2);
+    found.retain(|(chi2, _)| *chi2 < best + TIE);
+    found.into_iter().map(|(_, fault)| fault).collect()
+}
+
+/// The rows with those from a mounting on as they are without a fault.
+fn mended(state: &State, first: usize, fault: &Fault) -> State {
+    let mut mended = state.clone();
+    let mut own = State {
+        sensors: state.sensors.clone(),
+        mountings: mended.mountings.split_off(first),
+    };
+    match fault {
+        // Readings were exchanged, and the sensors have stayed where they are.
+        Fault::PlacesExchanged { places: [a, b] } => {
+            a.iter().zip(b).for_each(|(&a, &b)| own.swap([a, b]));
+        }
+        _ => fault.repair(&mut own),
+    }
+    mended.mountings.append(&mut own.mountings);
+    mended
+}
+
+/// Changes that are made between two runs: cables, amplifiers and units.
+fn changes(run: &Evidence) -> Vec<Fault> {
+    let sensors = &run.sensors;
+    let live = |channel: usize| !run.quiet.contains(&channel);
+    let channels = || (0..sensors.len()).filter(|&i| live(i));
+    let is_cell = |i: &usize| sensors[*i].kind.is_cell();
+    let (cells, motion): (Vec<usize>, Vec<usize>) = (0..sensors.len()).partition(is_cell);
+    let mut all: Vec<Fault> = channels()
+        .map(|channel| Fault::Inverted { channel })
+        .collect();
+    for channel in channels() {
+        all.extend(FACTORS.map(|factor| Fault::Factor { channel, factor }));
+    }
+    for (n, &a) in [&cells, &motion].into_iter().flatten().enumerate() {
+        let after = [&cells, &motion].into_iter().flatten().skip(n + 1);
+        let pairs = after.filter(|b| is_cell(&a) == is_cell(b) && (live(a) || live(**b)));
+        all.extend(pairs.map(|&b| Fault::Swapped { channels: [a, b] }));
+    }
+    let places = places(sensors, &|_| true);
+    for (n, a) in places.iter().enumerate() {
+        let alike =
+            |b: &&Vec<usize>| a.len() > 1 && a.len() == b.len() && is_cell(&a[0]) == is_cell(&b[0]);
+        all.extend(places[n + 1..].iter().filter(alike).map(|b| {
+            let places = [a.clone(), b.clone()];
+            Fault::PlacesExchanged { places }
+        }));
+    }
+    let unit = |channels: &[usize], factor: f64| Fault::Unit {
+        channels: channels.to_vec(),
+        factor,
+    };
+    if !cells.is_empty() {
+        all.extend(OF_MOTION.map(|factor| unit(&motion, factor)));
+        all.extend(OF_FORCE.map(|factor| unit(&cells, factor)));
+        all.push(Fault::Reversed { channels: cells });
+    }
+    all
+}
+
+/// A body that is not theirs.
+fn difference(own: Mass, theirs: Mass) -> Option<String> {
+    let told = |mass: &Mass| mass.value > 0.0 && mass.error < UNTOLD * mass.value;
+    if !told(&own) || !told(&theirs) {
+        return None;
+    }
+    let ratio = (own.value / theirs.value).ln();
+    let unit = if (ratio - STANDARD_GRAVITY.ln()).abs() < UNIT {
+        ", as if its accelerations were in g"
+    } else if (ratio + STANDARD_GRAVITY.ln()).abs() < UNIT {
+        ", as if theirs were in g"
+    } else {
+        ""
+    };
+    (ratio.abs() > SAME).then(|| {
+        format!(
+            "it says a mass of {} kg, and they say {} kg{unit}; compare its units, gains and specimen with theirs",
+            plain(own.value, 4),
+            plain(theirs.value, 4)
+        )
+    })
+}
