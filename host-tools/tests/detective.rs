@@ -521,8 +521,7 @@ fn a_fault_of_one_run_is_said_of_that_run() {
         let is_force = channel.starts_with("cell") || channel == "drive";
         if is_force { x } else { x / 9.80665 }
     });
-    let findings = examine(&in_g);
-    let mut cases = vec![(findings, "as if its accelerations were in g")];
+    let mut cases = vec![(examine(&in_g), "in it all accelerometers are in g")];
     for (which, words) in [
         (
             "cell",
@@ -549,6 +548,22 @@ fn a_fault_of_one_run_is_said_of_that_run() {
             "{words}: {findings:?}"
         );
         assert!(!findings.more_is_wrong(), "{words}: {findings:?}");
+    }
+}
+
+/// The satellite has 800 kg. One equation of a hundred hardly shows in their sum, and refuses the numbers all the same.
+#[test]
+fn a_mass_that_was_weighed_ten_percent_off() {
+    for (weighed, wrong) in [(880.0, true), (720.0, true), (808.0, false)] {
+        let mut setup = setup();
+        setup.known_mass = Some(weighed);
+        let findings = examine(&setup);
+        assert!(findings.suspects.is_empty(), "{findings:?}");
+        assert_eq!(findings.clean(), !wrong, "{findings:?}");
+        for one in &findings.whole {
+            assert_eq!(one.fault, WholeFault::Weighed);
+            assert!(one.text.starts_with("nothing but `known_mass`"), "{one:?}");
+        }
     }
 }
 

@@ -59,6 +59,7 @@ pub use whole::{Whole, WholeFault};
 use crate::measure::{Channels, Measurement};
 use crate::setup::Setup;
 use evidence::Evidence;
+use model::Mass;
 use search::{CONTRADICTS, Candidate, Found};
 
 /// Reason why nothing can be said of a set-up.
@@ -208,6 +209,11 @@ impl Findings {
     }
 }
 
+/// Share of the weighed mass, and standard deviations of the one in the data, by which they must differ: what refuses the numbers of
+/// `identify`, too.
+const MISWEIGHED: f64 = 0.05;
+const CERTAIN: f64 = 5.0;
+
 /// Examines the sensors of a set-up.
 ///
 /// # Errors
@@ -297,12 +303,17 @@ pub(crate) fn is_contradicted(
 
 /// The findings without the weighed mass, where it alone contradicts the set-up.
 fn alone(evidence: &Evidence, found: &Found) -> Option<Found> {
-    if evidence.weighed.is_none() || found.before.ratio() <= CONTRADICTS {
-        return None;
-    }
+    let weighed = evidence.weighed?;
     let without = evidence.without_mass();
-    if without.score()?.ratio() > CONTRADICTS {
-        // A search would only name faults of sensors.
+    let score = without.score()?;
+    // One equation of many hardly shows in the sum.
+    let is_far = |mass: Mass| {
+        let off = (mass.value - weighed).abs();
+        off > MISWEIGHED * weighed && off > CERTAIN * mass.error
+    };
+    let contradicts = found.before.ratio() > CONTRADICTS || score.mass.is_some_and(is_far);
+    if !contradicts || score.ratio() > CONTRADICTS {
+        // Where sensors contradict each other, a search would only name faults of theirs.
         return None;
     }
     let alone = without.search().ok()?;

@@ -6,6 +6,7 @@ use super::evidence::Evidence;
 use super::hypothesis::{FACTORS, OF_FORCE, OF_MOTION, places};
 use super::model::Mass;
 use super::search::{CONTRADICTS, Found, TIE};
+use super::sensor::Kind;
 use super::state::State;
 use super::whole::{Whole, WholeFault};
 use super::wording;
@@ -64,7 +65,7 @@ pub(super) fn apart(
             .unwrap_or_else(|| GENERAL.to_owned()),
         all => {
             let said = all.iter().take(SAID);
-            let said: Vec<String> = said.map(|f| wording::text(setup, f)).collect();
+            let said: Vec<String> = said.map(|f| wording::of_run(setup, f)).collect();
             let more = match all.len().saturating_sub(SAID) {
                 0 => String::new(),
                 more => format!(", or one of {more} others"),
@@ -161,6 +162,11 @@ fn changes(run: &Evidence) -> Vec<Fault> {
         factor,
     };
     if !cells.is_empty() {
+        let interface = |i: &usize| sensors[*i].kind == Kind::Interface;
+        let interface: Vec<usize> = motion.iter().copied().filter(interface).collect();
+        if interface.len() < motion.len() {
+            all.extend(OF_MOTION.map(|factor| unit(&interface, factor)));
+        }
         all.extend(OF_MOTION.map(|factor| unit(&motion, factor)));
         all.extend(OF_FORCE.map(|factor| unit(&cells, factor)));
         all.push(Fault::Reversed { channels: cells });

@@ -170,40 +170,10 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
         ),
         Fault::Reversed { .. } => "all load cells, or all accelerometers, have the other sign: the body would have a negative mass. Turn the load cells if they measure the force that the structure exerts on the table".to_owned(),
         Fault::Unit { channels, factor } => {
-            let motion = channels.iter().all(|&c| c < setup.accelerometers.len());
-            let (these, others, witness) = match motion {
-                true if channels.len() < setup.accelerometers.len() => (
-                    "accelerometers on the interface",
-                    "those on the structure",
-                    "",
-                ),
-                true => ("accelerometers", "load cells", ", by the weighed mass"),
-                false => ("load cells", "accelerometers", ", by the weighed mass"),
-            };
-            let others = match witness {
-                "" => others.to_owned(),
-                _ => format!("all {others}"),
-            };
-            let factor_in = |c: &usize| {
-                let entry = entry(setup, *c)?;
-                entry.units.plainest(entry.measured, entry.total / factor)
-            };
-            let units: Vec<Option<&str>> = channels.iter().map(factor_in).collect();
-            match units.first() {
-                Some(Some(unit)) if units.iter().all(|u| *u == Some(unit)) => {
-                    format!("all {these} are in {unit}{witness}")
-                }
-                _ => {
-                    let [much, little] = match *factor > 1.0 {
-                        true => ["much", "little"],
-                        false => ["little", "much"],
-                    };
-                    format!(
-                        "all {these} read {} times too {much}, or {others} too {little}{witness}",
-                        plain(factor.max(1.0 / factor), 6)
-                    )
-                }
-            }
+            let few = channels.len() < setup.accelerometers.len();
+            let by_structure = few && channels.iter().all(|&c| c < setup.accelerometers.len());
+            let witness = if by_structure { "" } else { ", by the weighed mass" };
+            format!("{}{witness}", unit(setup, channels, *factor))
         }
         Fault::Datum { channels, shift } => {
             let motion = channels.iter().all(|&c| c < setup.accelerometers.len());
@@ -220,6 +190,49 @@ pub(super) fn text(setup: &Setup, fault: &Fault) -> String {
             "{} contradicts all others, in a way that is none of the usual mistakes",
             name(channel)
         ),
+    }
+}
+
+/// Another unit of all these channels, in words.
+fn unit(setup: &Setup, channels: &[usize], factor: f64) -> String {
+    let motion = channels.iter().all(|&c| c < setup.accelerometers.len());
+    let (these, others) = match motion {
+        true if channels.len() < setup.accelerometers.len() => {
+            ("accelerometers on the interface", "those on the structure")
+        }
+        true => ("accelerometers", "all load cells"),
+        false => ("load cells", "all accelerometers"),
+    };
+    let factor_in = |c: &usize| {
+        let entry = entry(setup, *c)?;
+        entry.units.plainest(entry.measured, entry.total / factor)
+    };
+    let units: Vec<Option<&str>> = channels.iter().map(factor_in).collect();
+    match units.first() {
+        Some(Some(unit)) if units.iter().all(|u| *u == Some(unit)) => {
+            format!("all {these} are in {unit}")
+        }
+        _ => {
+            let [much, little] = match factor > 1.0 {
+                true => ["much", "little"],
+                false => ["little", "much"],
+            };
+            format!(
+                "all {these} read {} times too {much}, or {others} too {little}",
+                plain(factor.max(1.0 / factor), 6)
+            )
+        }
+    }
+}
+
+/// A fault of one run in words: the other runs tell it.
+pub(super) fn of_run(setup: &Setup, fault: &Fault) -> String {
+    match fault {
+        Fault::Reversed { .. } => {
+            "all load cells, or all accelerometers, have the other sign".to_owned()
+        }
+        Fault::Unit { channels, factor } => unit(setup, channels, *factor),
+        other => text(setup, other),
     }
 }
 
