@@ -483,11 +483,10 @@ fn an_inverted_load_cell_under_three_mountings() {
     }
 }
 
-/// The satellite's set-up with the readings of its run about x changed, channel by channel, in a file of their own.
-fn spoilt(folder: &Path, change: impl Fn(&str, f64) -> f64) -> Setup {
+/// The satellite's set-up with the readings of one run changed, channel by channel, in a file of their own.
+fn spoilt(folder: &Path, name: &str, change: impl Fn(&str, f64) -> f64) -> Setup {
     let mut setup = setup();
-    let run = setup.runs.iter_mut().find(|run| run.name == "about X");
-    let run = run.unwrap();
+    let run = setup.runs.iter_mut().find(|run| run.name == name).unwrap();
     let text = std::fs::read_to_string(SATELLITE.path().join(&run.recording)).unwrap();
     let mut lines = text.lines();
     let header = lines.next().unwrap();
@@ -499,55 +498,74 @@ fn spoilt(folder: &Path, change: impl Fn(&str, f64) -> f64) -> Setup {
         changed.push('\n');
         changed.push_str(&values.collect::<Vec<_>>().join(","));
     }
-    run.recording = folder.join("about-x.csv");
+    run.recording = folder.join("changed.csv");
     run.checksum = None;
     std::fs::write(&run.recording, changed).unwrap();
     setup
 }
 
-/// Cables that were exchanged or amplifiers that were set anew between two runs are a fault of no sensor.
+/// Cables that were exchanged, amplifiers that were set anew and a specimen that was changed between two runs are a fault of no
+/// sensor.
 #[test]
 fn a_fault_of_one_run_is_said_of_that_run() {
-    let folder = tempfile::tempdir().unwrap();
-    let inverted = |which: &'static str| {
-        spoilt(folder.path(), move |channel, x| {
-            match channel.starts_with(which) {
-                true => -x,
-                false => x,
+    let is_force = |channel: &str| channel.starts_with("cell");
+    let of = |which: &'static str, factor: f64| {
+        move |channel: &str, x: f64| {
+            if channel.starts_with(which) {
+                factor * x
+            } else {
+                x
             }
-        })
+        }
     };
-    let in_g = spoilt(folder.path(), |channel, x| {
-        let is_force = channel.starts_with("cell") || channel == "drive";
-        if is_force { x } else { x / 9.80665 }
-    });
-    let mut cases = vec![(examine(&in_g), "in it all accelerometers are in g")];
-    for (which, words) in [
+    let in_g = |channel: &str, x: f64| match is_force(channel) || channel == "drive" {
+        true => x,
+        false => x / 9.80665,
+    };
+    type Change = Box<dyn Fn(&str, f64) -> f64>;
+    let cases: [(&str, Change, &str); 5] = [
         (
-            "cell",
+            "about X",
+            Box::new(in_g),
+            "in it all accelerometers are in g",
+        ),
+        (
+            "about X",
+            Box::new(of("cell", -1.0)),
             "in it all load cells, or all accelerometers, have the other sign",
         ),
-        ("base1.z", "in it `base1.z` has the other sign"),
-        ("cell1.z", "in it `cell1.z` has the other sign"),
-    ] {
-        cases.push((examine(&inverted(which)), words));
-    }
-    for (findings, words) in cases {
+        (
+            "about X",
+            Box::new(of("base1.z", -1.0)),
+            "in it `base1.z` has the other sign",
+        ),
+        (
+            "about X",
+            Box::new(of("cell1.z", -1.0)),
+            "in it `cell1.z` has the other sign",
+        ),
+        // No usual factor: another specimen.
+        (
+            "Z",
+            Box::new(of("cell", 1.5)),
+            "kg, and they say 799.9 kg; compare its units, gains and specimen with theirs",
+        ),
+    ];
+    for (run, change, words) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let findings = examine(&spoilt(folder.path(), run, change));
         let [one] = findings.whole.as_slice() else {
             panic!("{words}: {findings:?}");
         };
         assert_eq!(one.fault, WholeFault::RunApart);
-        assert!(
-            one.text
-                .starts_with("run \"about X\" contradicts the others"),
-            "{one:?}"
-        );
+        let begins = format!("run \"{run}\" contradicts the others");
+        assert!(one.text.starts_with(&begins), "{one:?}");
         assert!(one.text.contains(words), "{words}: {one:?}");
+        assert!(findings.suspects.is_empty(), "{words}: {findings:?}");
         assert!(
-            findings.suspects.is_empty() && !findings.clean(),
-            "{words}: {findings:?}"
+            !findings.clean() && !findings.more_is_wrong(),
+            "{findings:?}"
         );
-        assert!(!findings.more_is_wrong(), "{words}: {findings:?}");
     }
 }
 

@@ -12,16 +12,13 @@ use super::whole::{Whole, WholeFault};
 use super::wording;
 use crate::format::plain;
 use crate::measure::{Channels, Measurement};
-use crate::setup::{STANDARD_GRAVITY, Setup};
+use crate::setup::Setup;
 
 /// Standard deviation of a mass, as a share of it, above which a run does not tell it.
 const UNTOLD: f64 = 0.1;
 /// Difference of two masses, as the logarithm of their ratio, up to which they may be the same.
 const SAME: f64 = 0.2;
-/// The same of a ratio of units.
-const UNIT: f64 = 0.1;
-
-/// Faults of one run that are said.
+/// Most faults of one run that are said.
 const SAID: usize = 3;
 /// What to do with a run in which no usual fault is found.
 const GENERAL: &str = "compare its cables, units, sensors and mounting with theirs, or leave it out; or a sensor that hardly moves in others is wrong";
@@ -32,7 +29,7 @@ pub(super) struct Apart {
     pub(super) whole: Whole,
     /// The findings of all other runs.
     pub(super) others: Found,
-    /// `true` if a usual fault in this run mends it, so that no sensor of all runs has to be wrong.
+    /// `true` if a usual fault in this run mends it, or its body is another one, so that no sensor of all runs has to be wrong.
     pub(super) explained: bool,
 }
 
@@ -58,11 +55,9 @@ pub(super) fn apart(
     let own = of(&|other| other == run)?;
     let of_others = others.search().ok()?;
     let mends = mends(&others, &own);
-    let explained = !mends.is_empty();
-    let what = match &mends[..] {
+    let found = match &mends[..] {
         [] => (own.search().ok())
-            .and_then(|alone| difference(alone.after.mass?, of_others.after.mass?))
-            .unwrap_or_else(|| GENERAL.to_owned()),
+            .and_then(|alone| difference(alone.after.mass?, of_others.after.mass?)),
         all => {
             let said = all.iter().take(SAID);
             let said: Vec<String> = said.map(|f| wording::of_run(setup, f)).collect();
@@ -70,9 +65,11 @@ pub(super) fn apart(
                 0 => String::new(),
                 more => format!(", or one of {more} others"),
             };
-            format!("in it {}{more}", said.join(", or "))
+            Some(format!("in it {}{more}", said.join(", or ")))
         }
     };
+    let explained = found.is_some();
+    let what = found.unwrap_or_else(|| GENERAL.to_owned());
     let text = format!(
         "run \"{}\" contradicts the others, which agree without it within {} times what usual differences explain: {what}",
         setup.runs[run].name,
@@ -96,7 +93,7 @@ fn mends(others: &Evidence, own: &Evidence) -> Vec<Fault> {
     let Some(before) = bench.score(&state, 1.0) else {
         return Vec::new();
     };
-    let first = state.mountings.len() - count;
+    let first = state.mountings.len().saturating_sub(count);
     let mut found: Vec<(f64, Fault)> = changes(own)
         .into_iter()
         .filter_map(|fault| {
@@ -180,17 +177,10 @@ fn difference(own: Mass, theirs: Mass) -> Option<String> {
     if !told(&own) || !told(&theirs) {
         return None;
     }
-    let ratio = (own.value / theirs.value).ln();
-    let unit = if (ratio - STANDARD_GRAVITY.ln()).abs() < UNIT {
-        ", as if its accelerations were in g"
-    } else if (ratio + STANDARD_GRAVITY.ln()).abs() < UNIT {
-        ", as if theirs were in g"
-    } else {
-        ""
-    };
-    (ratio.abs() > SAME).then(|| {
+    let other = (own.value / theirs.value).ln().abs() > SAME;
+    other.then(|| {
         format!(
-            "it says a mass of {} kg, and they say {} kg{unit}; compare its units, gains and specimen with theirs",
+            "it says a mass of {} kg, and they say {} kg; compare its units, gains and specimen with theirs, or leave it out",
             plain(own.value, 4),
             plain(theirs.value, 4)
         )
