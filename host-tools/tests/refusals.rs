@@ -473,6 +473,33 @@ fn the_covariance_propagates_to_the_error_bars_about_the_reference_point() {
     }
 }
 
+/// The satellite's first mode is at 37.5 Hz.
+#[test]
+fn a_band_that_holds_a_mode_is_said_of_methods_that_take_it_for_rigid() {
+    for (highest, method, said) in [
+        (45.0, "a", true),
+        (45.0, "apparent-mass", false),
+        (20.0, "a", false),
+    ] {
+        let name = format!("up_to_{highest}_by_{method}");
+        let setup = Setup::satellite(&name, |t| {
+            let t = t.replace(
+                "averaging_band = [2.0, 20.0]",
+                &format!("averaging_band = [2.0, {highest:.1}]"),
+            );
+            assert!(t.contains(&format!("{highest:.1}]")), "{t}");
+            format!("{t}\n# By {method}.\n")
+        });
+        let d = setup.document(&["--method", method], 0);
+        let warnings = d["warnings"].to_string();
+        assert_eq!(
+            warnings.contains("holds the mode at 37."),
+            said,
+            "{warnings}"
+        );
+    }
+}
+
 #[test]
 fn beside_every_standard_deviation_stands_the_interval() {
     let bench = Bench::fork();

@@ -122,6 +122,9 @@ impl Session<'_> {
         // What is said of modes would lead away from what is wrong.
         if answer.refused.is_none() {
             answer.warnings.extend(warnings.iter().cloned());
+            if !answer.method.interface_only() {
+                warn_of_band(setup, &fixed, &mut answer.warnings);
+            }
         }
         answer.modal = Some(Modal {
             free,
@@ -432,6 +435,21 @@ fn warn_of_resolution(
             "lines {} Hz apart are too coarse for the damping of the mode at {:.2} Hz: its effective mass and damping are bent by leakage; {would_do}",
             plain(spacing, 4),
             pole.frequency
+        ));
+    }
+}
+
+/// Warns of modes within the band that the paper's methods take for rigid.
+fn warn_of_band(setup: &Setup, fixed: &[FixedShape], warnings: &mut Vec<String>) {
+    let Some([_, highest]) = setup.processing.as_ref().map(|p| p.averaging_band) else {
+        return;
+    };
+    let frequencies = fixed.iter().map(|m| m.mode.pole.frequency);
+    let lowest = frequencies.fold(f64::INFINITY, f64::min);
+    if lowest <= highest {
+        warnings.push(format!(
+            "the averaging band, up to {} Hz, holds the mode at {lowest:.2} Hz, and this method takes the structure for rigid there: end it at half of that, or use the recommended method, which models the resonances",
+            plain(highest, 4)
         ));
     }
 }
