@@ -508,7 +508,6 @@ fn spoilt(folder: &Path, name: &str, change: impl Fn(&str, f64) -> f64) -> Setup
 /// sensor.
 #[test]
 fn a_fault_of_one_run_is_said_of_that_run() {
-    let is_force = |channel: &str| channel.starts_with("cell");
     let of = |which: &'static str, factor: f64| {
         move |channel: &str, x: f64| {
             if channel.starts_with(which) {
@@ -518,7 +517,7 @@ fn a_fault_of_one_run_is_said_of_that_run() {
             }
         }
     };
-    let in_g = |channel: &str, x: f64| match is_force(channel) || channel == "drive" {
+    let in_g = |channel: &str, x: f64| match channel.starts_with("cell") || channel == "drive" {
         true => x,
         false => x / 9.80665,
     };
