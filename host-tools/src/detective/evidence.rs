@@ -549,6 +549,14 @@ impl Evidence {
     /// # Errors
     /// [`Undecided`].
     pub(super) fn search(&self) -> Result<Found, Undecided> {
+        self.search_unless(&|| false)
+    }
+
+    /// The same without pairs of faults, where something else is `known` to explain the data.
+    ///
+    /// # Errors
+    /// [`Undecided`].
+    pub(super) fn search_unless(&self, known: &dyn Fn() -> bool) -> Result<Found, Undecided> {
         // Positions that are far away whatever moves are mended before anything is made of them.
         let (centre, size) = (middle(&self.sensors), spread(&self.sensors));
         let outlying = outlying(&self.sensors, &|p| (p - centre).norm() > OUTLYING * size);
@@ -565,7 +573,7 @@ impl Evidence {
         let anew = |exchanged: &[[usize; 2]], state: &State| self.state(&state.sensors, exchanged);
         let before = outlying.len() + self.delays.len();
         let mut found =
-            search(&bench, &state, &self.quiet, &anew, before).ok_or(Undecided::NoMotion)?;
+            search(&bench, &state, &self.quiet, &anew, before, known).ok_or(Undecided::NoMotion)?;
         for fault in outlying {
             found.named.insert(0, vec![found.certain(fault)]);
         }

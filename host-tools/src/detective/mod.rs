@@ -61,6 +61,7 @@ use crate::setup::Setup;
 use evidence::Evidence;
 use model::Mass;
 use search::{CONTRADICTS, Candidate, Found};
+use std::cell::OnceCell;
 
 /// Reason why nothing can be said of a set-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -224,7 +225,10 @@ pub(crate) fn examine(
     channels: &Channels,
 ) -> Result<Findings, Undecided> {
     let evidence = Evidence::new(setup, measurement, channels)?;
-    let mut found = evidence.search()?;
+    let apart = OnceCell::new();
+    let find_apart = || apart.get_or_init(|| runs::apart(setup, measurement, channels));
+    let is_of_a_run = || find_apart().as_ref().is_some_and(|apart| apart.explained);
+    let mut found = evidence.search_unless(&is_of_a_run)?;
     let mut weighed = None;
     if let Some(alone) = alone(&evidence, &found) {
         let explained = !found.named.is_empty() && found.after.ratio() <= CONTRADICTS;
@@ -237,10 +241,8 @@ pub(crate) fn examine(
     // A usual fault of a sensor explains more than a run does.
     let usual = |all: &Vec<Candidate>| all.first().is_some_and(|c| c.fault.is_usual());
     let explained = found.after.ratio() <= CONTRADICTS && found.named.iter().all(usual);
-    let apart = (!explained)
-        .then(|| runs::apart(setup, measurement, channels))
-        .flatten();
-    if let Some(apart) = &apart
+    let apart = (!explained).then(find_apart).and_then(Option::as_ref);
+    if let Some(apart) = apart
         && (apart.explained || found.after.ratio() > CONTRADICTS)
     {
         found
@@ -282,7 +284,7 @@ pub(crate) fn examine(
         whole: whole::judge(setup, &evidence, &found, measurement.units_in_recordings)
             .into_iter()
             .chain(weighed)
-            .chain(apart.map(|apart| apart.whole))
+            .chain(apart.map(|apart| apart.whole.clone()))
             .collect(),
         contradiction: found.before.ratio(),
         repaired: found.after.ratio(),

@@ -424,13 +424,15 @@ fn overlap(a: &Fault, b: &Fault) -> bool {
 
 /// Names faults one after the other, as long as each explains what the others do not; with the last
 /// one mended, each is looked for once more. `rows` gives the rows anew for channels that were exchanged, and so many faults
-/// were found `before`.
+/// were found `before`. Pairs of faults, which take longest, are not looked for where something else is `known` to explain
+/// the data.
 pub(super) fn search(
     bench: &Bench,
     state: &State,
     quiet: &[usize],
     rows: Anew<'_>,
     before: usize,
+    known: &dyn Fn() -> bool,
 ) -> Option<Found> {
     let score = bench.score(state, 1.0)?;
     let mut found = Found {
@@ -477,6 +479,7 @@ pub(super) fn search(
     }
     if most > 1
         && unexplained(&found.after, &faults)
+        && !known()
         && let Some((pair, after)) = given.pair(&found.after)
     {
         let of = |c: &Vec<Candidate>| c[0].fault.clone();
