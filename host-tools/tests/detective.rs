@@ -568,6 +568,36 @@ fn a_fault_of_one_run_is_said_of_that_run() {
     }
 }
 
+/// A mounting whose rotation has the wrong sign, or is a quarter of a turn off, makes sensors on the structure seem inverted,
+/// which a sensor that is does not make of a mounting.
+#[test]
+fn a_specimen_that_stood_otherwise_than_stated() {
+    let folder = recorded("models/uniaxial-remounted.toml");
+    let clean = Setup::read(&folder.path().join("setup.toml")).unwrap();
+    assert_eq!(clean.runs[1].rotation, [89.7, 0.4, 0.0]);
+    for (stated, expected) in [
+        ([-89.7, -0.4, 0.0], "`rotation = [89.7, 0.4, 0]`"),
+        // Three quarters of a turn too many are one too few.
+        ([0.3, 0.3, 0.0], "`rotation = [90"),
+    ] {
+        let mut setup = clean.clone();
+        setup.runs[1].rotation = stated;
+        let findings = examine(&setup);
+        let [one] = findings.whole.as_slice() else {
+            panic!("{findings:?}");
+        };
+        assert_eq!(one.fault, WholeFault::RunApart);
+        assert!(
+            one.text.starts_with("run \"on its side\" contradicts"),
+            "{one:?}"
+        );
+        assert!(one.text.contains(expected), "{one:?}");
+    }
+    let mut setup = clean.clone();
+    accelerometer(&mut setup, "tank.y").scale = -1.0;
+    assert_eq!(named(&setup).1, "`tank.y` has the other sign");
+}
+
 /// The satellite has 800 kg. One equation of a hundred hardly shows in their sum, and refuses the numbers all the same.
 #[test]
 fn a_mass_that_was_weighed_ten_percent_off() {

@@ -14,7 +14,7 @@ use crate::output::{self, Existing};
 use crate::printable::quoted;
 use crate::report;
 use crate::result::ResultDocument;
-use crate::setup::{Setup, read_document};
+use crate::setup::{Run, Setup, read_document};
 use crate::simulate::Truth;
 use std::path::{Path, PathBuf};
 
@@ -304,6 +304,15 @@ pub(super) fn with_progress(
                 ),
                 remedy: culprits.unwrap_or_else(|| CHECK.to_owned()),
             });
+        }
+        // Nothing of the sensors tells of a specimen that stood elsewhere.
+        if let Some(refused) = &mut answer.refused
+            && findings.is_none()
+            && setup.runs.iter().any(Run::is_remounted)
+        {
+            refused.remedy.push_str(
+                "; a wrong `rotation` or `translation` of a run's mounting does this, too",
+            );
         }
         // What is missing is looked for in others.
         if let Some(refused) = &mut answer.refused

@@ -200,7 +200,7 @@ fn with_moments(sensors: &[Sensor], place: &[usize]) -> Vec<usize> {
 }
 
 /// The 24 rotations of a cube but the identity.
-fn cube() -> Vec<Matrix3<f64>> {
+pub(super) fn cube() -> Vec<Matrix3<f64>> {
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
     let signed: Vec<Vector3<f64>> = axes.iter().flat_map(|&a| [a, -a]).collect();
     let mut all = Vec::new();

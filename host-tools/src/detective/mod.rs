@@ -57,9 +57,10 @@ pub(crate) use whole::is_doubtful;
 pub use whole::{Whole, WholeFault};
 
 use crate::measure::{Channels, Measurement};
-use crate::setup::Setup;
+use crate::setup::{Run, Setup};
 use evidence::Evidence;
 use model::Mass;
+use runs::Mend;
 use search::{CONTRADICTS, Candidate, Found};
 use std::cell::OnceCell;
 
@@ -227,8 +228,8 @@ pub(crate) fn examine(
     let evidence = Evidence::new(setup, measurement, channels)?;
     let apart = OnceCell::new();
     let find_apart = || apart.get_or_init(|| runs::apart(setup, measurement, channels));
-    let is_of_a_run = || find_apart().as_ref().is_some_and(|apart| apart.explained);
-    let mut found = evidence.search_unless(&is_of_a_run)?;
+    let mend = || find_apart().as_ref().and_then(|apart| apart.mend);
+    let mut found = evidence.search_unless(&|| mend().is_some())?;
     let mut weighed = None;
     if let Some(alone) = alone(&evidence, &found) {
         let explained = !found.named.is_empty() && found.after.ratio() <= CONTRADICTS;
@@ -241,9 +242,14 @@ pub(crate) fn examine(
     // A usual fault of a sensor explains more than a run does.
     let usual = |all: &Vec<Candidate>| all.first().is_some_and(|c| c.fault.is_usual());
     let explained = found.after.ratio() <= CONTRADICTS && found.named.iter().all(usual);
-    let apart = (!explained).then(find_apart).and_then(Option::as_ref);
+    // A specimen that stood otherwise than stated seems to have sensors that are turned.
+    let remounted = setup.runs.iter().any(Run::is_remounted);
+    let tells = !explained || found.before.ratio() > CONTRADICTS && remounted;
+    let apart = tells.then(find_apart).and_then(Option::as_ref);
+    let apart = apart.filter(|apart| !explained || apart.mend == Some(Mend::Rotation));
     if let Some(apart) = apart
-        && (apart.explained || found.after.ratio() > CONTRADICTS)
+        && !explained
+        && (apart.mend.is_some() || found.after.ratio() > CONTRADICTS)
     {
         found
             .named

@@ -3,8 +3,8 @@
 
 use super::Fault;
 use super::evidence::Evidence;
-use super::hypothesis::{FACTORS, OF_FORCE, OF_MOTION, places};
-use super::model::Mass;
+use super::hypothesis::{FACTORS, OF_FORCE, OF_MOTION, cube, places};
+use super::model::{Mass, Mounting};
 use super::search::{CONTRADICTS, Found, TIE};
 use super::sensor::Kind;
 use super::state::State;
@@ -13,6 +13,8 @@ use super::wording;
 use crate::format::plain;
 use crate::measure::{Channels, Measurement};
 use crate::setup::Setup;
+use massline_core::geometry::Placement;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Standard deviation of a mass, as a share of it, above which a run does not tell it.
 const UNTOLD: f64 = 0.1;
@@ -23,63 +25,155 @@ const SAID: usize = 3;
 /// What to do with a run in which no usual fault is found.
 const GENERAL: &str = "compare its cables, units, sensors and mounting with theirs, or leave it out; or a sensor that hardly moves in others is wrong";
 
-/// A run apart.
+/// Runs apart: one, or all of one mounting.
 pub(super) struct Apart {
-    /// What is to be said of it.
+    /// What is to be said of them.
     pub(super) whole: Whole,
     /// The findings of all other runs.
     pub(super) others: Found,
-    /// `true` if a usual fault in this run mends it, or its body is another one, so that no sensor of all runs has to be wrong.
-    pub(super) explained: bool,
+    /// What mends it.
+    pub(super) mend: Option<Mend>,
 }
 
-/// The run without which the set-up contradicts nothing; `None` where it is none, or several are.
+/// A change of runs with which they agree with all others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mend {
+    /// A usual fault, or another body, so that no sensor of all runs has to be wrong.
+    Fault,
+    /// Another rotation of the specimen, which may be what a sensor on it seems to have.
+    Rotation,
+}
+
+/// The runs without which the set-up contradicts nothing; `None` where it is none, or several are.
 pub(super) fn apart(
     setup: &Setup,
     measurement: &Measurement,
     channels: &Channels,
 ) -> Option<Apart> {
-    let count = setup.runs.len();
     let of = |wanted: &dyn Fn(usize) -> bool| {
         Evidence::of_runs(setup, measurement, channels, wanted).ok()
     };
-    let mut sound = (0..count).filter_map(|run| {
-        let others = of(&|other| other != run)?;
+    let mut sound = groups(setup).into_iter().filter_map(|runs| {
+        let others = of(&|other| !runs.contains(&other))?;
         let agree = others.score()?.ratio() <= CONTRADICTS;
-        agree.then_some((run, others))
+        agree.then_some((runs, others))
     });
-    let (run, others) = sound.next()?;
+    let (runs, others) = sound.next()?;
     if sound.next().is_some() {
         return None;
     }
-    let own = of(&|other| other == run)?;
+    let own = of(&|other| runs.contains(&other))?;
     let of_others = others.search().ok()?;
+    let turned = is_mounting(setup, &runs)
+        .then(|| turned(setup, &runs, &others, &own))
+        .flatten();
     let mends = mends(&others, &own);
-    let found = match &mends[..] {
-        [] => (own.search().ok())
-            .and_then(|alone| difference(alone.after.mass?, of_others.after.mass?)),
-        all => {
+    let (mend, what) = match (&turned, &mends[..]) {
+        (Some(rotation), _) => {
+            let [x, y, z] = rotation.map(|x| plain((10.0 * x).round() / 10.0 + 0.0, 4));
+            let words = format!(
+                "with `rotation = [{x}, {y}, {z}]` they would agree, too; look how the specimen stood"
+            );
+            (Some(Mend::Rotation), words)
+        }
+        (None, []) => (own.search().ok())
+            .and_then(|alone| difference(alone.after.mass?, of_others.after.mass?))
+            .map_or_else(
+                || (None, GENERAL.to_owned()),
+                |words| (Some(Mend::Fault), words),
+            ),
+        (None, all) => {
             let said = all.iter().take(SAID);
             let said: Vec<String> = said.map(|f| wording::of_run(setup, f)).collect();
             let more = match all.len().saturating_sub(SAID) {
                 0 => String::new(),
                 more => format!(", or one of {more} others"),
             };
-            Some(format!("in it {}{more}", said.join(", or ")))
+            let words = format!("in it {}{more}", said.join(", or "));
+            (Some(Mend::Fault), words)
         }
     };
-    let explained = found.is_some();
-    let what = found.unwrap_or_else(|| GENERAL.to_owned());
+    let names: Vec<String> = (runs.iter())
+        .map(|&run| format!("\"{}\"", setup.runs[run].name))
+        .collect();
+    let verb = match &names[..] {
+        [name] => format!("run {name} contradicts"),
+        names => format!("runs {} contradict", names.join(", ")),
+    };
     let text = format!(
-        "run \"{}\" contradicts the others, which agree without it within {} times what usual differences explain: {what}",
-        setup.runs[run].name,
+        "{verb} the others, which agree without it within {} times what usual differences explain: {what}",
         plain(of_others.before.ratio().sqrt(), 2)
     );
     Some(Apart {
         whole: Whole::new(WholeFault::RunApart, text),
         others: of_others,
-        explained,
+        mend,
     })
+}
+
+/// `true` of all runs of a mounting, where there are others.
+fn is_mounting(setup: &Setup, runs: &[usize]) -> bool {
+    let pose = |run: usize| (setup.runs[run].rotation, setup.runs[run].translation);
+    let own = runs.first().map(|&run| pose(run));
+    runs.len() < setup.runs.len()
+        && (0..setup.runs.len()).all(|run| (Some(pose(run)) == own) == runs.contains(&run))
+}
+
+/// Each run, and the runs of each mounting that has several.
+fn groups(setup: &Setup) -> Vec<Vec<usize>> {
+    let pose = |run: usize| (setup.runs[run].rotation, setup.runs[run].translation);
+    let all = 0..setup.runs.len();
+    let mut groups: Vec<Vec<usize>> = all.clone().map(|run| vec![run]).collect();
+    for run in all.clone() {
+        let alike: Vec<usize> = all
+            .clone()
+            .filter(|&other| pose(other) == pose(run))
+            .collect();
+        if alike[0] == run && (2..setup.runs.len()).contains(&alike.len()) {
+            groups.push(alike);
+        }
+    }
+    groups
+}
+
+/// The rotation of a mounting with which its runs agree with the others, degrees: its sign is wrong, or it is off by quarters of a
+/// turn.
+fn turned(setup: &Setup, runs: &[usize], others: &Evidence, own: &Evidence) -> Option<[f64; 3]> {
+    let stated = Vector3::from(setup.runs[*runs.first()?].rotation);
+    let rotation = own.mountings.first()?.rotation;
+    let vector = |m: &Matrix3<f64>| {
+        // Of half a turn, too, which the antisymmetric part of a matrix does not tell.
+        let turn = Rotation3::from_matrix_unchecked(*m);
+        let axis = UnitQuaternion::from_rotation_matrix(&turn).scaled_axis();
+        axis.map(f64::to_degrees)
+    };
+    let opposite = Placement::new(-stated, Vector3::zeros()).ok()?.rotation();
+    let quarters = cube().into_iter().map(|turn| turn * rotation);
+    let (state, bench) = others.beside(own).state(&own.sensors, &[])?;
+    let before = bench.score(&state, 1.0)?;
+    let count = own.state(&own.sensors, &[])?.0.mountings.len();
+    let first = bench.mountings.len().saturating_sub(count);
+    let mut best: Option<(f64, Matrix3<f64>)> = None;
+    for rotation in std::iter::once(opposite).chain(quarters) {
+        let mut bench = bench.clone();
+        for (mounting, own) in bench.mountings[first..].iter_mut().zip(&own.mountings) {
+            let way = (rotation, own.translation);
+            *mounting = Mounting::new(mounting.motions, way, bench.length);
+        }
+        let Some(score) = bench.score(&state, 1.0) else {
+            continue;
+        };
+        let agrees = score.ratio() <= CONTRADICTS && score.freedom >= before.freedom;
+        // The opposite rotation comes first, and one that is as good is told from it by nothing.
+        if agrees
+            && best
+                .as_ref()
+                .is_none_or(|(least, _)| score.chi2 + TIE < *least)
+        {
+            best = Some((score.chi2, rotation));
+        }
+    }
+    best.map(|(_, rotation)| vector(&rotation).into())
 }
 
 /// The changes of one run after which it agrees with the others, the plainest first.
