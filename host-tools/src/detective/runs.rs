@@ -67,9 +67,13 @@ pub(super) fn apart(
     let turned = is_mounting(setup, &runs)
         .then(|| turned(setup, &runs, &others, &own))
         .flatten();
-    let mends = mends(&others, &own);
+    let mends = match &turned {
+        Some(_) => Vec::new(),
+        None => mends(&others, &own),
+    };
     let (mend, what) = match (&turned, &mends[..]) {
         (Some(rotation), _) => {
+            // Zero has no sign.
             let [x, y, z] = rotation.map(|x| plain((10.0 * x).round() / 10.0 + 0.0, 4));
             let words = format!(
                 "with `rotation = [{x}, {y}, {z}]` they would agree, too; look how the specimen stood"
