@@ -8,7 +8,7 @@
 
 use super::live::{LevelMeter, Recorder};
 use super::readings::{Channels, PLACES};
-use super::setup::{LoadCells, SetUp};
+use super::setup::{DECIMATIONS, LoadCells, SetUp, TRANSFORM};
 use super::store::Kept;
 use crate::calibration::Alignment;
 use crate::capacity::{self, BLOCK_LENGTH, CHANNELS, LINES, RUNS, SENSORS};
@@ -21,17 +21,6 @@ use nalgebra::Complex;
 
 /// The drive and the twelve resultants.
 pub(super) const AVERAGED: usize = 1 + RESULTANTS;
-/// Decimations of a block whose lines begin at the bottom of the spectrum: each halves it, as
-/// long as the last line stays within 25/64 of what is left.
-const DECIMATIONS: usize = {
-    let mut count = 0;
-    while count < 4 && 64 * LINES <= 25 * (BLOCK_LENGTH >> (count + 1)) {
-        count += 1;
-    }
-    count
-};
-/// Decimated samples of a block.
-pub(super) const TRANSFORM: usize = BLOCK_LENGTH >> DECIMATIONS;
 /// Numbers that four channels have in the filters: samples that wait, and memory of each stage. One
 /// decimation more adds 20, and takes more samples off.
 const FILTERS: usize = 4 * (64 + 8 + 5 * DECIMATIONS.saturating_sub(1));

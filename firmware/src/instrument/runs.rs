@@ -1,9 +1,9 @@
 //! A run from its start to its end, and its lines afterwards.
 
-use super::memory::{Averaging, SUMS, TRANSFORM};
+use super::memory::{Averaging, SUMS};
 use super::readings::Sample;
 use super::run::{Ended, Feed, Prepared, Run, Task};
-use super::setup::{self, SetUp};
+use super::setup::{self, SetUp, TRANSFORM};
 use super::survey::Survey;
 use super::synthetic::Synthetic;
 use super::{Activity, Board, Instrument, Phase, Storage, Transmit};

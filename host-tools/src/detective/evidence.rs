@@ -5,7 +5,7 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 
 use super::hypothesis::outlying;
 use super::model::{Bench, Mounting, Score, equations};
-use super::search::{CONTRADICTS, Found, search};
+use super::search::{CONTRADICTS, Found, Given, search};
 use super::sensor::{Kind, Sensor};
 use super::state::{Rows, State};
 use super::table::{Gauge, Line, Regression};
@@ -549,14 +549,19 @@ impl Evidence {
     /// # Errors
     /// [`Undecided`].
     pub(super) fn search(&self) -> Result<Found, Undecided> {
-        self.search_unless(&|| false)
+        self.search_unless(Some(1), &|| false)
     }
 
-    /// The same without pairs of faults, where something else is `known` to explain the data.
+    /// The same on `threads` threads, as many as there are processors if `None`, and without pairs of faults, where
+    /// something else is `known` to explain the data.
     ///
     /// # Errors
     /// [`Undecided`].
-    pub(super) fn search_unless(&self, known: &dyn Fn() -> bool) -> Result<Found, Undecided> {
+    pub(super) fn search_unless(
+        &self,
+        threads: Option<usize>,
+        known: &dyn Fn() -> bool,
+    ) -> Result<Found, Undecided> {
         // Positions that are far away whatever moves are mended before anything is made of them.
         let (centre, size) = (middle(&self.sensors), spread(&self.sensors));
         let outlying = outlying(&self.sensors, &|p| (p - centre).norm() > OUTLYING * size);
@@ -571,9 +576,15 @@ impl Evidence {
         }
         let (state, bench) = self.state(&sensors, &[]).ok_or(Undecided::NoInterface)?;
         let anew = |exchanged: &[[usize; 2]], state: &State| self.state(&state.sensors, exchanged);
+        let given = Given {
+            bench: &bench,
+            state: &state,
+            quiet: &self.quiet,
+            rows: &anew,
+            threads,
+        };
         let before = outlying.len() + self.delays.len();
-        let mut found =
-            search(&bench, &state, &self.quiet, &anew, before, known).ok_or(Undecided::NoMotion)?;
+        let mut found = search(&given, before, known).ok_or(Undecided::NoMotion)?;
         for fault in outlying {
             found.named.insert(0, vec![found.certain(fault)]);
         }

@@ -245,6 +245,12 @@ impl Trial<'_> {
             share,
         };
         let sensors = &self.state.sensors;
+        let none = self
+            .bench
+            .score_moved(self.state, self.tolerance, self.motion);
+        let Some(b) = none.map(|score| score.chi2) else {
+            return Vec::new();
+        };
         for &channel in &self.live {
             for &from in &self.live {
                 let silent = [channel, from].iter().any(|c| self.quiet.contains(c));
@@ -253,8 +259,8 @@ impl Trial<'_> {
                 }
                 let pair = [channel, from];
                 // The first parabola tells if it is worth going on.
-                let first = [-0.05, 0.0, 0.05].map(|share| self.chi2(&of(pair, share)));
-                let [Some(a), Some(b), Some(c)] = first else {
+                let first = [-0.05, 0.05].map(|share| self.chi2(&of(pair, share)));
+                let [Some(a), Some(c)] = first else {
                     continue;
                 };
                 let curvature = a + c - 2.0 * b;

@@ -14,6 +14,7 @@
 //! | `sensor` | one channel as the set-up describes it |
 //! | `state` | sensors with their rows, which a hypothesis changes |
 //! | `model` | contradiction of the rows with one rigid interface and one rigid body |
+//! | `kronecker` | products of matrices in blocks |
 //! | `hypothesis` | faults as changes of rows and sensors |
 //! | `mend` | contradiction without a fault |
 //! | `fit` | faults with free numbers at their best |
@@ -37,6 +38,7 @@ mod delay;
 mod evidence;
 mod fit;
 mod hypothesis;
+mod kronecker;
 mod mend;
 mod model;
 mod plan;
@@ -216,7 +218,8 @@ impl Findings {
 const MISWEIGHED: f64 = 0.05;
 const CERTAIN: f64 = 5.0;
 
-/// Examines the sensors of a set-up.
+/// Examines the sensors of a set-up on `threads` threads, as many as there are processors if `None`; the findings do not
+/// depend on their number.
 ///
 /// # Errors
 /// [`Undecided`].
@@ -224,12 +227,13 @@ pub(crate) fn examine(
     setup: &Setup,
     measurement: &Measurement,
     channels: &Channels,
+    threads: Option<usize>,
 ) -> Result<Findings, Undecided> {
     let evidence = Evidence::new(setup, measurement, channels)?;
     let apart = OnceCell::new();
     let find_apart = || apart.get_or_init(|| runs::apart(setup, measurement, channels));
     let mend = || find_apart().as_ref().and_then(|apart| apart.mend);
-    let mut found = evidence.search_unless(&|| mend().is_some())?;
+    let mut found = evidence.search_unless(threads, &|| mend().is_some())?;
     let mut weighed = None;
     if let Some(alone) = alone(&evidence, &found) {
         let explained = !found.named.is_empty() && found.after.ratio() <= CONTRADICTS;

@@ -9,6 +9,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, RowVector6, Vector3, Vector6};
 
+use super::kronecker::{add_lower, congruent};
 use super::sensor::{Kind, Sensor};
 use super::state::{Rows, State};
 use super::table::Row;
@@ -119,34 +120,6 @@ fn parts() -> [Matrix6<f64>; RIGID] {
     std::array::from_fn(|p| {
         let unit = std::array::from_fn(|i| f64::from(u8::from(i == p)));
         Model::rigid(unit, 1.0, 0).rigid_matrix()
-    })
-}
-
-/// Adds `a aᵀ ⊗ c` to a matrix of blocks.
-fn add_kronecker(into: &mut DMatrix<f64>, a: &[f64], c: &DMatrix<f64>) {
-    let d = c.nrows();
-    for (i, x) in a.iter().enumerate() {
-        for (j, y) in a.iter().enumerate() {
-            let w = x * y;
-            if w != 0.0 {
-                for k in 0..d {
-                    for l in 0..d {
-                        into[(i * d + k, j * d + l)] += w * c[(k, l)];
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// `m ⊗ 1`, with a unit matrix of this size.
-fn blocks(m: &DMatrix<f64>, size: usize) -> DMatrix<f64> {
-    DMatrix::from_fn(m.nrows() * size, m.ncols() * size, |r, c| {
-        if r % size == c % size {
-            m[(r / size, c / size)]
-        } else {
-            0.0
-        }
     })
 }
 
@@ -414,7 +387,7 @@ impl Balance {
         parts: &[Matrix6<f64>; RIGID],
         body: Option<&[f64; 10]>,
     ) -> Option<(DMatrix<f64>, DVector<f64>)> {
-        let wide = |m: &DMatrix<f64>| blocks(m, posed.mounting.motions);
+        let size = posed.mounting.motions;
         let mut v = self.noise.clone();
         if let Some(body) = body {
             let mut m = Matrix6::<f64>::zeros();
@@ -423,11 +396,10 @@ impl Balance {
             }
             let carry = &posed.mounting.carry;
             let m = carry.tr_mul(&m) * carry;
-            let m = wide(&DMatrix::from_fn(6, 6, |i, j| m[(i, j)]));
-            v += &m * &motion.covariance * m.transpose();
+            let m = DMatrix::from_column_slice(6, 6, m.as_slice());
+            v += congruent(&m, &motion.covariance, size);
         }
-        let select = wide(&posed.bench.equations);
-        let v = &select * v * select.transpose();
+        let v = congruent(&posed.bench.equations, &v, size);
         let floor = FLOOR * v.trace() / v.nrows() as f64;
         let v = (&v + v.transpose()) * 0.5 + DMatrix::identity(v.nrows(), v.nrows()) * floor;
         let l = v.cholesky()?.l();
@@ -489,7 +461,7 @@ impl Posed<'_> {
         let r = seen.ncols();
         // Two passes: the second knows how far the interface rotates.
         let mut motion = DMatrix::<f64>::zeros(6, d);
-        let mut covariance = DMatrix::zeros(0, 0);
+        let mut factor = None;
         let (mut chi2, mut freedom) = (0.0, 0.0);
         for pass in 0..2 {
             let mut normal = DMatrix::<f64>::zeros(r * d, r * d);
@@ -511,7 +483,7 @@ impl Posed<'_> {
                 }
                 let weight = v.cholesky()?.inverse();
                 let phi = seen.tr_mul(&self.scaled(sensor));
-                add_kronecker(&mut normal, phi.as_slice(), &weight);
+                add_lower(&mut normal, phi.as_slice(), &weight);
                 let weighed = &weight * &row.k;
                 for i in 0..r {
                     for j in 0..d {
@@ -521,17 +493,14 @@ impl Posed<'_> {
                 whole += row.k.dot(&weighed);
                 count += d;
             }
-            let factor = normal.cholesky()?;
-            let solution = factor.solve(&right);
+            let solution = factor.insert(normal.cholesky()?).solve(&right);
             motion = &seen * DMatrix::from_fn(r, d, |i, j| solution[i * d + j]);
             chi2 = (whole - solution.dot(&right)).max(0.0);
             freedom = count as f64 - (r * d) as f64;
-            covariance = factor.inverse();
         }
-        let seen = blocks(&seen, d);
         Some(Motion {
             rows: motion,
-            covariance: &seen * covariance * seen.transpose(),
+            covariance: congruent(&seen, &factor?.inverse(), d),
             chi2,
             freedom,
         })
@@ -552,7 +521,7 @@ impl Posed<'_> {
                     resultants[(i, j)] += x[i] * row.k[j];
                 }
             }
-            add_kronecker(&mut noise, x.as_slice(), &self.spread(sensor, row));
+            add_lower(&mut noise, x.as_slice(), &self.spread(sensor, row));
             if sensor.kind == Kind::Cell(Quantity::Force) {
                 // A shifted load cell adds the moment δ x F.
                 let product = &row.k * row.k.transpose() * (self.square * POSITION * POSITION);
@@ -560,18 +529,22 @@ impl Posed<'_> {
                     let moment =
                         Vector3::ith(axis, 1.0).cross(&sensor.direction) / self.bench.length;
                     let x = Vector6::new(0.0, 0.0, 0.0, moment.x, moment.y, moment.z);
-                    add_kronecker(&mut noise, x.as_slice(), &product);
+                    add_lower(&mut noise, x.as_slice(), &product);
                 }
             }
         }
-        let select = blocks(&self.bench.equations, d);
-        let pile = |m: &DMatrix<f64>| DVector::from_fn(6 * d, |i, _| m[(i / d, i % d)]);
-        let mut design = DMatrix::<f64>::zeros(select.nrows(), RIGID);
+        noise.fill_upper_triangle_with_lower_triangle();
+        // Motion by motion in each of the measured combinations.
+        let pile = |m: DMatrix<f64>| {
+            let measured = &self.bench.equations * m;
+            DVector::from_column_slice(measured.transpose().as_slice())
+        };
+        let mut design = DMatrix::<f64>::zeros(self.bench.equations.nrows() * d, RIGID);
         let carry = &self.mounting.carry;
         for (p, part) in parts.iter().enumerate() {
             let part = carry.tr_mul(part) * carry;
-            let part = DMatrix::from_fn(6, 6, |i, j| part[(i, j)]);
-            design.set_column(p, &(&select * pile(&(part * &motion.rows))));
+            let part = DMatrix::from_column_slice(6, 6, part.as_slice());
+            design.set_column(p, &pile(part * &motion.rows));
         }
         let accelerations = motion.rows.rows(0, 3).norm();
         Balance {
@@ -579,7 +552,7 @@ impl Posed<'_> {
                 true => resultants.rows(0, 3).norm() / accelerations,
                 false => 0.0,
             },
-            target: &select * pile(&resultants),
+            target: pile(resultants),
             noise,
             design,
         }

@@ -7,6 +7,8 @@ use super::model::{Bench, Motion, Score};
 use super::sensor::{Kind, Sensor};
 use super::state::State;
 use super::untold::Untold;
+use crate::parallel;
+use std::convert::Infallible;
 
 /// Range of the tolerance of sensors, as a share of the usual one, squared: good laboratories get
 /// sharper limits.
@@ -296,11 +298,14 @@ struct Mended {
 }
 
 /// The set-up as it was found, and the way to mend it.
-struct Given<'a> {
-    bench: &'a Bench,
-    state: &'a State,
-    quiet: &'a [usize],
-    rows: Anew<'a>,
+pub(super) struct Given<'a> {
+    pub(super) bench: &'a Bench,
+    pub(super) state: &'a State,
+    /// Channels without a signal.
+    pub(super) quiet: &'a [usize],
+    pub(super) rows: Anew<'a>,
+    /// Threads for what takes long, as many as there are processors if `None`.
+    pub(super) threads: Option<usize>,
 }
 
 impl Given<'_> {
@@ -391,11 +396,16 @@ impl Given<'_> {
             }
         }
         let mut best: Option<([Vec<Candidate>; 2], Score, f64)> = None;
-        for first in chosen {
-            let Some(mended) = self.without(std::slice::from_ref(&first.fault)) else {
-                continue;
-            };
-            let Some((second, after)) = single(&mended.bench, &mended.state, &mended.quiet) else {
+        let mended: Vec<(&Candidate, Mended)> = (chosen.into_iter())
+            .filter_map(|first| Some((first, self.without(std::slice::from_ref(&first.fault))?)))
+            .collect();
+        let second = |n: usize| {
+            let (_, mended) = &mended[n];
+            Ok::<_, Infallible>(single(&mended.bench, &mended.state, &mended.quiet))
+        };
+        let Ok((seconds, _)) = parallel::each(mended.len(), self.threads, &second, &mut |_, _| ());
+        for ((first, _), second) in mended.iter().zip(seconds) {
+            let Some((second, after)) = second else {
                 continue;
             };
             if !second[0].fault.is_usual()
@@ -409,7 +419,7 @@ impl Given<'_> {
             if after.chi2 + TIE < single_left.chi2
                 && best.as_ref().is_none_or(|(.., least)| score < *least)
             {
-                best = Some(([vec![first.clone()], second], after, score));
+                best = Some(([vec![(*first).clone()], second], after, score));
             }
         }
         best.map(|(pair, after, _)| (pair, after))
@@ -423,30 +433,16 @@ fn overlap(a: &Fault, b: &Fault) -> bool {
 }
 
 /// Names faults one after the other, as long as each explains what the others do not; with the last
-/// one mended, each is looked for once more. `rows` gives the rows anew for channels that were exchanged, and so many faults
-/// were found `before`. Pairs of faults, which take longest, are not looked for where something else is `known` to explain
-/// the data.
-pub(super) fn search(
-    bench: &Bench,
-    state: &State,
-    quiet: &[usize],
-    rows: Anew<'_>,
-    before: usize,
-    known: &dyn Fn() -> bool,
-) -> Option<Found> {
-    let score = bench.score(state, 1.0)?;
+/// one mended, each is looked for once more. So many faults were found `before`. Pairs of faults, which take longest, are not
+/// looked for where something else is `known` to explain the data.
+pub(super) fn search(given: &Given<'_>, before: usize, known: &dyn Fn() -> bool) -> Option<Found> {
+    let score = given.bench.score(given.state, 1.0)?;
     let mut found = Found {
         named: Vec::new(),
         before: score.clone(),
         after: score,
         sensors: Vec::new(),
         untold: Untold::default(),
-    };
-    let given = Given {
-        bench,
-        state,
-        quiet,
-        rows,
     };
     let mut faults: Vec<Fault> = Vec::new();
     let mut mended = given.without(&faults)?;

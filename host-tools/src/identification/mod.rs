@@ -396,7 +396,12 @@ impl<'s> Session<'s> {
         let measurement = self.measurement(&Accelerations::Interface, progress)?;
         let channels = measure::channels(setup, &measurement, self.limit, progress)
             .map_err(AnswerError::from)?;
-        Ok(detective::examine(setup, &measurement, &channels)?)
+        Ok(detective::examine(
+            setup,
+            &measurement,
+            &channels,
+            self.threads,
+        )?)
     }
 
     /// `true` if the sensors contradict each other, so that it is worth to [examine](Self::examine) them; `false`

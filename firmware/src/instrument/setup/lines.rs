@@ -2,13 +2,24 @@
 
 use crate::capacity::{BLOCK_LENGTH, LINES};
 use crate::instrument::limits::{fits, within};
-use crate::instrument::memory::TRANSFORM;
 use crate::wire::{Field, Grid, Item, Problem, Processing};
 use massline_core::masslines::MIN_LINES;
 use massline_core::spectra::{BandError, BlockSettings, LineGrid, LineRange, SpectraError};
 
 /// Highest accepted sample rate, Hz.
 const SAMPLE_RATE_MAX: f64 = 1e6;
+
+/// Decimations of a block whose lines begin at the bottom of the spectrum: each halves it, as
+/// long as the last line stays within 25/64 of what is left.
+pub(in crate::instrument) const DECIMATIONS: usize = {
+    let mut count = 0;
+    while count < 4 && 64 * LINES <= 25 * (BLOCK_LENGTH >> (count + 1)) {
+        count += 1;
+    }
+    count
+};
+/// Decimated samples of a block.
+pub(in crate::instrument) const TRANSFORM: usize = BLOCK_LENGTH >> DECIMATIONS;
 
 /// Settings of the spectral analysis, checked.
 #[derive(Clone, Debug)]

@@ -13,7 +13,7 @@ mod load_cells;
 mod weighing;
 
 pub(super) use arrangement::Arrangement;
-pub(super) use lines::{Lines, lines_of};
+pub(super) use lines::{DECIMATIONS, Lines, TRANSFORM, lines_of};
 pub(super) use load_cells::LoadCells;
 
 use super::limits::{finite, fits, within};

@@ -254,14 +254,14 @@ impl Trial {
                 &mut |_| (),
             )?;
             let channels = crate::measure::channels(&setup, &measurement, None, &mut |_| ())?;
-            return Ok(detective::examine(&setup, &measurement, &channels));
+            return Ok(detective::examine(&setup, &measurement, &channels, Some(1)));
         }
         let noisy = self.noisy(level);
         let samples = self.samples(&noisy);
         let setup = &self.setup;
         let measurement = measure_samples(setup, &Accelerations::Interface, &samples)?;
         let channels = channels_of_samples(setup, &measurement, &samples)?;
-        Ok(detective::examine(setup, &measurement, &channels))
+        Ok(detective::examine(setup, &measurement, &channels, Some(1)))
     }
 
     fn in_memory(
