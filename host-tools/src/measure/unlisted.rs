@@ -33,11 +33,14 @@ pub(super) fn unlisted(setup: &Setup, run: &Run, recording: &Recording) -> Vec<S
     };
     let is_cell = |name: &&str| {
         let pattern = pattern(name);
-        let unit = recording.unit(&format!("{name}{part}"));
-        let measured = unit.map(measured_in);
-        let is_force = matches!(measured, Some(Some(Measured::Force | Measured::Moment)));
-        let is_free = matches!(measured, None | Some(None)) && !others.contains(&pattern);
-        cells.contains(&pattern) && (is_force || is_free)
+        // Units are searched by name, which takes long among many channels.
+        cells.contains(&pattern) && {
+            let unit = recording.unit(&format!("{name}{part}"));
+            match unit.map(measured_in) {
+                Some(Some(measured)) => matches!(measured, Measured::Force | Measured::Moment),
+                _ => !others.contains(&pattern),
+            }
+        }
     };
     let ignored = recording.ignored().iter();
     let names = ignored.filter_map(|column| column.strip_suffix(part));
