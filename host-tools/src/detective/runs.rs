@@ -115,24 +115,25 @@ pub(super) fn apart(
     })
 }
 
+/// The runs of the mounting that a run is of.
+fn mounted_alike(setup: &Setup, run: usize) -> Vec<usize> {
+    let pose = |run: usize| (setup.runs[run].rotation, setup.runs[run].translation);
+    let all = 0..setup.runs.len();
+    all.filter(|&other| pose(other) == pose(run)).collect()
+}
+
 /// `true` of all runs of a mounting, where there are others.
 fn is_mounting(setup: &Setup, runs: &[usize]) -> bool {
-    let pose = |run: usize| (setup.runs[run].rotation, setup.runs[run].translation);
-    let own = runs.first().map(|&run| pose(run));
-    runs.len() < setup.runs.len()
-        && (0..setup.runs.len()).all(|run| (Some(pose(run)) == own) == runs.contains(&run))
+    let mounted = runs.first().map(|&run| mounted_alike(setup, run));
+    runs.len() < setup.runs.len() && mounted.is_some_and(|alike| alike == runs)
 }
 
 /// Each run, and the runs of each mounting that has several.
 fn groups(setup: &Setup) -> Vec<Vec<usize>> {
-    let pose = |run: usize| (setup.runs[run].rotation, setup.runs[run].translation);
     let all = 0..setup.runs.len();
     let mut groups: Vec<Vec<usize>> = all.clone().map(|run| vec![run]).collect();
-    for run in all.clone() {
-        let alike: Vec<usize> = all
-            .clone()
-            .filter(|&other| pose(other) == pose(run))
-            .collect();
+    for run in all {
+        let alike = mounted_alike(setup, run);
         if alike[0] == run && (2..setup.runs.len()).contains(&alike.len()) {
             groups.push(alike);
         }
