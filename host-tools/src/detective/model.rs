@@ -580,3 +580,88 @@ pub(super) fn equations(sensors: &[Sensor], length: f64) -> DMatrix<f64> {
         .collect();
     DMatrix::from_fn(rows.len(), 6, |i, j| rows[i][j])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers without order, within one.
+    fn drawn(i: usize) -> f64 {
+        (17.0 * i as f64 * (i as f64 + 0.3)).sin()
+    }
+
+    /// Three force cells of three axes at the corners of a triangle, tilted, and a moment cell.
+    fn cells() -> Vec<Sensor> {
+        let corners = [[0.4, 0.3, 0.02], [-0.5, 0.2, 0.0], [0.1, -0.4, 0.05]];
+        let force = (0..9).map(|i| Sensor {
+            channel: format!("cell{i}"),
+            kind: Kind::Cell(Quantity::Force),
+            position: corners[i / 3].into(),
+            direction: (Vector3::ith(i % 3, 1.0) + Vector3::from_fn(|j, _| 0.2 * drawn(3 * i + j)))
+                .normalize(),
+        });
+        let moment = Sensor {
+            channel: "moment".into(),
+            kind: Kind::Cell(Quantity::Moment),
+            position: Vector3::zeros(),
+            direction: Vector3::z(),
+        };
+        force.chain([moment]).collect()
+    }
+
+    #[test]
+    fn the_noise_of_a_balance_is_that_of_whole_products() {
+        let (motions, length) = (3, 0.7);
+        let sensors = cells();
+        let rows: Vec<Option<Row>> = (0..sensors.len())
+            .map(|s| {
+                let root = DMatrix::from_fn(motions, motions, |i, j| drawn(50 + 9 * s + 3 * i + j));
+                Some(Row {
+                    k: DVector::from_fn(motions, |i, _| drawn(200 + 3 * s + i)),
+                    noise: &root * root.transpose() * 1e-4,
+                })
+            })
+            .collect();
+        let posed = Posed {
+            bench: &Bench {
+                mountings: Vec::new(),
+                equations: equations(&sensors, length),
+                length,
+                weighed: None,
+                reach: 0.0,
+            },
+            mounting: &Mounting::new(motions, (Matrix3::identity(), Vector3::zeros()), length),
+            sensors: &sensors,
+            rows: &rows,
+            square: 2.0,
+            levels: [1.0, 0.8],
+        };
+        let motion = Motion {
+            rows: DMatrix::from_fn(6, motions, |i, j| drawn(300 + 3 * i + j)),
+            covariance: DMatrix::zeros(6 * motions, 6 * motions),
+            chi2: 0.0,
+            freedom: 0.0,
+        };
+        // Every load cell is read as its resultants, and lies elsewhere by δ along each axis.
+        let mut expected = DMatrix::<f64>::zeros(6 * motions, 6 * motions);
+        for (sensor, row) in sensors.iter().zip(rows.iter().flatten()) {
+            let scale = Vector6::new(1.0, 1.0, 1.0, 1.0 / length, 1.0 / length, 1.0 / length);
+            let x = sensor.rigid().component_mul(&scale);
+            expected += (x * x.transpose()).kronecker(&posed.spread(sensor, row));
+            if sensor.kind == Kind::Cell(Quantity::Moment) {
+                continue;
+            }
+            for axis in 0..3 {
+                let mut shifted = sensor.clone();
+                shifted.position += Vector3::ith(axis, 1.0);
+                let moved = (shifted.rigid() - sensor.rigid()).component_mul(&scale);
+                let error = moved.kronecker(&row.k) * (posed.square.sqrt() * POSITION);
+                expected += &error * error.transpose();
+            }
+        }
+        let balance = posed.balance(&motion, &parts());
+        // Rounding of some 40 sums of numbers of up to one.
+        assert!((&balance.noise - &expected).norm() < 1e-13 * expected.norm());
+        assert!(expected.upper_triangle().norm() > 0.1 * expected.norm());
+    }
+}
